@@ -1,0 +1,155 @@
+"""What a report shows, as data: sections of figures, tables and text.
+
+Rigs say *what* is shown (quantities, roles, captions); `pipeline.report` decides *how* (colours,
+fonts, size, raster or vector, display units). Numbers here are SI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+# What a mark stands for decides its colour everywhere; "series 0..7" for things that differ by a condition.
+Role = Literal["measured", "model", "reference", "residual", "fault"] | int
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Label without unit, SI unit, scale. The report picks mm for m and the like."""
+
+    label: str
+    unit: str = "1"
+    scale: Literal["linear", "log"] = "linear"
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve; x and y of shape (n,). NaN breaks it."""
+
+    x: np.ndarray
+    y: np.ndarray
+    role: Role = "measured"
+    label: str = ""
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Points:
+    """Markers, with 95 % limits `low` and `high` where given (shape (n,) each)."""
+
+    x: np.ndarray
+    y: np.ndarray
+    role: Role = "measured"
+    label: str = ""
+    low: np.ndarray | None = None
+    high: np.ndarray | None = None
+    texts: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Band:
+    """An area between `low` and `high` over x, shape (n,) each."""
+
+    x: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    role: Role = "model"
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A straight line across the panel at x or at y, with its label."""
+
+    x: float | None = None
+    y: float | None = None
+    role: Role = "reference"
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Matrix:
+    """A heat map, values of shape (rows, columns) from -1 to 1, the numbers written into the cells."""
+
+    values: np.ndarray
+    rows: Sequence[str]
+    columns: Sequence[str]
+
+
+Mark = Line | Points | Band | Rule | Matrix
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes. `equal` draws both axes to the same scale (orbits)."""
+
+    marks: Sequence[Mark]
+    x: Axis = Axis("")
+    y: Axis = Axis("")
+    title: str = ""
+    equal: bool = False
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Panels in a grid. The caption states the question that the figure answers and the answer."""
+
+    name: str
+    title: str
+    caption: str
+    alt: str
+    panels: Sequence[Panel]
+    columns: int = 1
+    share_x: bool = False
+    share_y: bool = False
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number in a table: shown with the digits that its error warrants, in a unit made for reading."""
+
+    value: float | None
+    std_error: float | None = None
+    ci95: tuple[float, float] | None = None
+    note: str = ""
+
+
+Cell = str | float | int | bool | None | Value
+
+
+@dataclass(frozen=True)
+class Column:
+    """Heading, SI unit of its numbers ('' for text)."""
+
+    heading: str
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells; numbers of one column share a display unit and align at the decimal point."""
+
+    name: str
+    title: str
+    caption: str
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[Cell]]
+
+
+@dataclass(frozen=True)
+class Text:
+    """Paragraphs of plain text; the report escapes them."""
+
+    paragraphs: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A chapter of the report."""
+
+    name: str
+    title: str
+    blocks: Sequence[Figure | Table | Text] = field(default_factory=tuple)

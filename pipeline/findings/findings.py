@@ -1,0 +1,140 @@
+"""Findings: what identification yields. `findings.json` is these models written out.
+
+The names are a contract with users and other programs: `docs/findings.schema.json` is made from
+here. All values are SI; the report converts for reading.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic.functional_validators import BeforeValidator
+
+SCHEMA_VERSION = 1
+
+Verdict = Literal["ok", "warning", "rejected"]
+OperatingPoint = dict[str, float | str | bool]
+
+
+def _finite_or_none(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+Number = Annotated[float | None, BeforeValidator(_finite_or_none)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Parameter(_Strict):
+    """One identified number with its interval, or null and the reason in `description`."""
+
+    name: str = Field(description="name as in the experiment's list of parameters")
+    symbol: str = Field(description="symbol in the paper, LaTeX")
+    value: Number = Field(description="SI; null where the data cannot determine it")
+    std_error: Number = Field(None, description="standard error, SI; type A unless the description says otherwise")
+    ci95: tuple[float, float] | None = Field(None, description="95 % interval, SI")
+    unit: str = Field(description="SI unit; '1' for a ratio")
+    at: OperatingPoint = Field(default_factory=dict, description="operating point, SI; {'run': ...} for one run")
+    description: str = ""
+    source: str = Field("", description="equation or table of the paper")
+    method: str = ""
+
+    @model_validator(mode="after")
+    def _undetermined_has_no_error(self) -> Self:
+        if self.value is None and (self.std_error is not None or self.ci95 is not None):
+            raise ValueError(f"{self.name}: an undetermined parameter carries no interval")
+        if self.value is None and not self.description:
+            raise ValueError(f"{self.name}: an undetermined parameter needs the reason in its description")
+        return self
+
+
+class ModelResult(_Strict):
+    """How one model (variant) fits; exactly one of a family is selected."""
+
+    name: str
+    selected: bool = False
+    n_parameters: int
+    n_data: int
+    rms_residual: Number = None
+    nrmse: Number = Field(None, description="rms residual over rms of the measured signal about its mean")
+    chi2_reduced: Number = None
+    aicc: Number = None
+    bic: Number = None
+    cv_error: Number = Field(None, description="leave-one-run-out prediction error, as nrmse")
+    description: str = ""
+
+
+class Published(_Strict):
+    """A number or claim of the paper beside what was found; `agrees` is null where neither can be said."""
+
+    name: str
+    published: float | str | None
+    found: float | str | None
+    unit: str = "1"
+    where: str = ""
+    agrees: bool | None = None
+    remark: str = ""
+
+
+class Quality(_Strict):
+    """What was noticed about the data: see `pipeline.recording.QualityFinding`."""
+
+    level: Literal["note", "warning", "error"]
+    run: str | None = None
+    channel: str | None = None
+    span: tuple[float, float] | None = None
+    message: str
+
+
+class Run(_Strict):
+    """One run: its conditions (SI), whether it was used, and if not why."""
+
+    run: str
+    used: bool = True
+    reason: str = ""
+    conditions: dict[str, float | str | bool] = Field(default_factory=dict)
+    files: list[str] = Field(default_factory=list)
+    sha256: list[str] = Field(default_factory=list)
+    duration: Number = None
+    n_samples: int = 0
+    repairs: list[str] = Field(default_factory=list)
+
+
+class Findings(_Strict):
+    """All that identification of one campaign yields.
+
+    `arrays` (not in the JSON) are tables written beside it as ``arrays/<name>.parquet``: pandas
+    DataFrames with SI columns, for figures and for whoever wants to go on.
+    """
+
+    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, populate_by_name=True)
+
+    schema_version: int = Field(SCHEMA_VERSION, alias="schema")
+    campaign: str
+    experiment: str
+    verdict: Verdict
+    reasons: list[str] = Field(default_factory=list, description="one plain sentence each: why this verdict")
+    parameters: list[Parameter] = Field(default_factory=list)
+    models: list[ModelResult] = Field(default_factory=list)
+    published: list[Published] = Field(default_factory=list)
+    quality: list[Quality] = Field(default_factory=list)
+    runs: list[Run] = Field(default_factory=list)
+    advice: list[str] = Field(default_factory=list, description="what to measure or mend next")
+    settings: dict[str, Any] = Field(default_factory=dict)
+    provenance: dict[str, Any] = Field(default_factory=dict)
+    arrays: dict[str, Any] = Field(default_factory=dict, exclude=True)
+
+    def find(self, name: str, **at: float | str | bool) -> list[Parameter]:
+        """Return the parameters of that name whose operating point holds all of `at`."""
+        return [p for p in self.parameters if p.name == name and all(p.at.get(k) == v for k, v in at.items())]
+
+    def one(self, name: str, **at: float | str | bool) -> Parameter:
+        """Return the only parameter of that name at that operating point; LookupError otherwise."""
+        found = self.find(name, **at)
+        if len(found) != 1:
+            raise LookupError(f"{len(found)} parameters are called '{name}' at {at}")
+        return found[0]

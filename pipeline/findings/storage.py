@@ -1,0 +1,66 @@
+"""Findings on disk: ``findings.json`` and, beside it, ``arrays/<name>.parquet``."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from pydantic import ValidationError
+
+from pipeline.errors import InputError
+from pipeline.findings.findings import Findings
+from pipeline.recording.storage import whole_or_not
+
+
+def write(findings: Findings, folder: Path) -> None:
+    """Write findings into `folder`: first the arrays, last the JSON that makes them valid."""
+    arrays = folder / "arrays"
+    partial = folder / ".arrays.partial"
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    for name, table in findings.arrays.items():
+        table.to_parquet(partial / f"{name}.parquet", index=False, compression="zstd")
+    shutil.rmtree(arrays, ignore_errors=True)
+    partial.replace(arrays)
+    with whole_or_not(folder / "findings.json") as path:
+        path.write_text(to_json(findings), encoding="utf-8")
+
+
+def to_json(findings: Findings) -> str:
+    """Return the text of findings.json."""
+    content = findings.model_dump(mode="json", by_alias=True)
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def read(path: Path) -> Findings:
+    """Read a findings.json (or the folder that holds one) with the arrays beside it.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is not as `docs/findings.schema.json` says; names the first fault.
+    """
+    path = path / "findings.json" if path.is_dir() else path
+    try:
+        findings = Findings.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); give a findings.json or its folder.") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise InputError(
+            f"{path}: not findings as rigfit writes them: {place}: {first['msg']}. Run 'rigfit identify' again."
+        ) from error
+    for file in sorted((path.parent / "arrays").glob("*.parquet")):
+        findings.arrays[file.stem] = pd.read_parquet(file)
+    return findings
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of findings.json."""
+    schema = Findings.model_json_schema(by_alias=True, mode="serialization")
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    return schema

@@ -1,0 +1,143 @@
+"""What an experiment declares. A rig is a folder that exports ``EXPERIMENTS``, a tuple of these.
+
+Everything else (reading, mapping, checking, storing, reporting, DVC) is shared and asks only these
+declarations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import Section
+from pipeline.recording import QualityFinding, Recording
+
+
+class Settings(BaseModel):
+    """Base of all settings: an unknown key is an error, which names the nearest known one."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+@dataclass(frozen=True)
+class ChannelSpec:
+    """A channel that a run carries: canonical name, SI unit ('' for text), what it is and its sign.
+
+    `limit` is the largest magnitude (SI) that is physically plausible; beyond it a wrong unit is
+    suspected and said.
+    """
+
+    name: str
+    unit: str
+    description: str
+    required: bool = True
+    limit: float | None = None
+
+
+@dataclass(frozen=True)
+class ConditionSpec:
+    """A condition of a run: name, SI unit ('' for text), what it is; `default` where it may be missing."""
+
+    name: str
+    unit: str
+    description: str
+    required: bool = False
+    default: float | str | bool | None = None
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """A name that may stand in the findings: symbol (LaTeX), SI unit, meaning, equation.
+
+    `key` marks the few that stand on top of the report.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    description: str
+    source: str = ""
+    key: bool = False
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A source to cite, also as BibTeX."""
+
+    key: str
+    authors: str
+    title: str
+    journal: str
+    year: int
+    volume: str = ""
+    pages: str = ""
+    doi: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Context:
+    """What identification may know besides the recordings: the campaign's name, findings that it uses."""
+
+    campaign: str
+    uses: Mapping[str, Findings]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One kind of test on a rig.
+
+    Attributes
+    ----------
+    identify
+        ``identify(recordings, settings, context) -> Findings``; raises InputError where nothing can
+        be identified at all. It fills verdict, reasons, parameters, models, published, quality (its
+        own findings; those of ingest are added by the caller), runs left out, advice and arrays.
+    synthesize
+        ``synthesize(truth, seed) -> recordings``; `truth` overrides the rig's known parameters.
+    sections
+        ``sections(findings) -> chapters of the report``; draws on parameters and arrays only.
+    methods
+        ``methods(findings) -> paragraphs`` for the report and for a paper.
+    check
+        ``check(recording) -> quality findings`` that only this rig's physics can tell (swapped
+        signs, wrong units), for `rigfit check` and ingest.
+    """
+
+    id: str
+    title: str
+    summary: str
+    references: Sequence[Reference]
+    channels: Sequence[ChannelSpec]
+    conditions: Sequence[ConditionSpec]
+    parameters: Sequence[ParameterSpec]
+    settings: type[Settings]
+    identify: Callable[[Sequence[Recording], Any, Context], Findings]
+    synthesize: Callable[[Mapping[str, Any], int], list[Recording]]
+    sections: Callable[[Findings], Sequence[Section]]
+    methods: Callable[[Findings], Sequence[str]]
+    check: Callable[[Recording], Sequence[QualityFinding]] = lambda _recording: ()
+
+    @property
+    def rig(self) -> str:
+        """The part of the id before the dot."""
+        return self.id.split(".")[0]
+
+    def channel(self, name: str) -> ChannelSpec | None:
+        """Return the declaration of a channel, None where there is none."""
+        return next((spec for spec in self.channels if spec.name == name), None)
+
+    def condition(self, name: str) -> ConditionSpec | None:
+        """Return the declaration of a condition, None where there is none."""
+        return next((spec for spec in self.conditions if spec.name == name), None)
+
+    def parameter(self, name: str) -> ParameterSpec:
+        """Return the declaration of a parameter; LookupError where there is none."""
+        for spec in self.parameters:
+            if spec.name == name:
+                return spec
+        raise LookupError(f"{self.id} declares no parameter '{name}'")
