@@ -1,0 +1,200 @@
+"""Conditions of a run, from the four places that may give them, the first one winning:
+
+``runs.csv`` (a line a run), the log itself, the file name by the recipe's pattern, a constant in the
+recipe. Where two places disagree, that is said.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.campaign.recipe import Recipe
+from pipeline.errors import InputError, listing, nearest
+from pipeline.recording import Condition, QualityFinding
+from pipeline.recording.units import conversion, is_unit
+from pipeline.rigs.experiment import ConditionSpec
+
+if TYPE_CHECKING:
+    from pipeline.campaign.runs_table import RunsTable
+
+HEADING = re.compile(r"^\s*(.*?)\s*(?:[\[(]\s*([^\])]*)\s*[\])])?\s*$")
+_TRUE, _FALSE = {"true", "yes", "ja", "oui", "on"}, {"false", "no", "nein", "non", "off"}
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Conditions of one run in SI, where each came from, and what was odd about them."""
+
+    values: Mapping[str, Condition]
+    sources: Mapping[str, str]
+    notes: Sequence[QualityFinding] = field(default_factory=tuple)
+
+
+def of_run(
+    run: str, recipe: Recipe, table: RunsTable | None, metadata: Mapping[str, str], file_name: str
+) -> Conditions:
+    """Gather the conditions of one run.
+
+    Parameters
+    ----------
+    metadata
+        What the log says of itself, as text: ``{"static_load": "52 kN"}``.
+    file_name
+        The log's name, for the recipe's pattern.
+
+    Raises
+    ------
+    InputError
+        If a value cannot be read, or a required condition is given nowhere; the text then shows all
+        four ways to give it.
+    """
+    specs = recipe.experiment.conditions
+    notes: list[QualityFinding] = []
+    places = [
+        ("runs.csv", table.conditions(run) if table else {}),
+        ("the log", _from_log(metadata, specs, notes)),
+        ("the file name", _from_file_name(recipe, file_name, notes)),
+        ("the recipe", dict(recipe.conditions)),
+    ]
+    values: dict[str, Condition] = {}
+    sources: dict[str, str] = {}
+    for place, given in places:
+        for name, value in given.items():
+            if name not in values:
+                values[name], sources[name] = value, place
+            elif not _same(values[name], value):
+                unit = next((spec.unit for spec in specs if spec.name == name), "")
+                notes.append(
+                    QualityFinding(
+                        "warning",
+                        f"{name} is {_shown(values[name], unit)} by {sources[name]} but {_shown(value, unit)} "
+                        f"by {place}; {sources[name]} is used.",
+                    )
+                )
+    for spec in specs:
+        if spec.name not in values and spec.required:
+            raise InputError(_missing(spec, run, recipe))
+        if spec.name not in values and spec.default is not None:
+            values[spec.name], sources[spec.name] = spec.default, "the experiment's default"
+    return Conditions(values, sources, tuple(notes))
+
+
+def spec_for(name: str, specs: Iterable[ConditionSpec]) -> ConditionSpec | None:
+    """Return the condition meant by a heading: case, blanks and dashes do not matter."""
+    plain = re.sub(r"[\s\-]+", "_", name.strip()).lower()
+    return next((spec for spec in specs if spec.name.lower() == plain), None)
+
+
+def value_of(text: str, unit: str | None, spec: ConditionSpec, where: str) -> Condition:
+    """Read a condition from text; `unit` is that of the heading, used where the text bears none."""
+    text = text.strip()
+    if spec.unit == "":
+        low = text.lower()
+        return True if low in _TRUE else False if low in _FALSE else text
+    bare = re.fullmatch(r"[-+]?[\d.,]+(?:[eE][-+]?\d+)?", text)
+    return conditionvalue_of(f"{text} {unit}" if bare and unit else text, spec.unit, where)
+
+
+def _from_log(
+    metadata: Mapping[str, str], specs: Sequence[ConditionSpec], notes: list[QualityFinding]
+) -> dict[str, Condition]:
+    found: dict[str, Condition] = {}
+    for key, text in metadata.items():
+        match = HEADING.match(key)
+        name, unit = (match[1], match[2]) if match else (key, None)
+        spec = spec_for(name.rsplit(".", 1)[-1], specs)
+        if spec is None or not str(text).strip():
+            continue
+        try:
+            found[spec.name] = value_of(str(text), unit, spec, f"condition '{key}' in the log")
+        except InputError as error:
+            notes.append(QualityFinding("warning", f"{error} It is not used."))
+    return found
+
+
+def _from_file_name(recipe: Recipe, file_name: str, notes: list[QualityFinding]) -> dict[str, Condition]:
+    if recipe.file_name is None:
+        return {}
+    pattern, units = name_pattern(recipe)
+    match = pattern.search(Path(file_name).name)
+    if match is None:
+        notes.append(
+            QualityFinding(
+                "warning", f"the file name '{file_name}' does not fit the recipe's pattern '{recipe.file_name}'."
+            )
+        )
+        return {}
+    found: dict[str, Condition] = {}
+    for name, text in match.groupdict().items():
+        spec = recipe.experiment.condition(name)
+        assert spec is not None  # name_pattern has checked it
+        text = text.replace("p", ".") if spec.unit else text
+        found[name] = value_of(text, units[name], spec, f"{file_name}, condition '{name}'")
+    return found
+
+
+def name_pattern(recipe: Recipe) -> tuple[re.Pattern[str], dict[str, str | None]]:
+    """Return the regular expression of a pattern such as ``sh_{frequency}Hz_{amplitude:mm}`` and the units in it.
+
+    A unit stands behind a colon, or follows the placeholder as text (``{frequency}Hz``); else SI.
+
+    Raises
+    ------
+    InputError
+        If a placeholder is no condition of the experiment.
+    """
+    known = [spec.name for spec in recipe.experiment.conditions]
+    expression, units = "", dict[str, str | None]()
+    text = recipe.file_name or ""
+    parts = re.split(r"\{(\w*)(?::([^}]*))?\}", text)
+    expression += re.escape(parts[0])
+    for name, unit, literal in zip(parts[1::3], parts[2::3], parts[3::3], strict=True):
+        spec = recipe.experiment.condition(name)
+        if spec is None:
+            raise InputError(
+                f"{recipe.path}: file_name: '{{{name}}}' is no condition of {recipe.experiment.id}."
+                f"{nearest(name, known)} Known conditions: {listing(known, 40)}."
+            )
+        if unit is None and spec.unit:
+            follows = re.match(r"\s*([^\W\d_]+)", literal)
+            if follows and is_unit(follows[1]) and _measures(follows[1], spec.unit):
+                unit = follows[1]
+        if unit and spec.unit:
+            conversion(unit, spec.unit, f"{recipe.path}: file_name, '{{{name}:{unit}}}'")
+        units[name] = unit
+        value = r"[-+]?\d+(?:[.,p]\d+)?(?:[eE][-+]?\d+)?" if spec.unit else r"[^_]+?"
+        expression += f"(?P<{name}>{value}){re.escape(literal)}"
+    return re.compile(expression), units
+
+
+def _measures(unit: str, si_unit: str) -> bool:
+    try:
+        conversion(unit, si_unit)
+    except InputError:
+        return False
+    return True
+
+
+def _same(one: Condition, other: Condition) -> bool:
+    if isinstance(one, str) or isinstance(other, str):
+        return str(one) == str(other)
+    return abs(one - other) <= 1e-6 * max(abs(one), abs(other))
+
+
+def _shown(value: Condition, unit: str) -> str:
+    return f"{value:.6g} {unit}".strip() if isinstance(value, float) else str(value)
+
+
+def _missing(spec: ConditionSpec, run: str, recipe: Recipe) -> str:
+    example = f"1 {spec.unit}" if spec.unit not in ("", "1") else "1" if spec.unit else "text"
+    column = f"{spec.name} [{spec.unit}]" if spec.unit not in ("", "1") else spec.name
+    return (
+        f"run '{run}': the condition '{spec.name}' ({spec.description}) is missing and {recipe.experiment.id} needs "
+        f"it. Give it in one of four ways: a column '{column}' in runs.csv beside the logs; in the log itself as a "
+        f"comment line '# {spec.name}: {example}' or MCAP metadata; in the file name with "
+        f"'file_name: \"..._{{{spec.name}}}...\"' in the recipe; or as a constant in the recipe, 'conditions: {{{spec.name}: {example}}}'."
+    )

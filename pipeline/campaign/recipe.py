@@ -1,0 +1,241 @@
+"""Recipes: which experiment a campaign is, how its channels are called in the logs, settings.
+
+A recipe is strict: an unknown key, channel, condition or unit is answered with its line and the
+nearest known name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from pipeline.campaign import yaml_text
+from pipeline.errors import InputError, listing, nearest
+from pipeline.ingest.mapping import ChannelMap
+from pipeline.recording import Condition
+from pipeline.recording.units import conversion, quantity
+from pipeline.rigs.experiment import Experiment, Settings
+from pipeline.rigs.registry import experiment as find_experiment
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ChannelEntry(_Entry):
+    """How one canonical channel is found in the logs: ``force: {channel: "Load cell", unit: kN, sign: -1}``."""
+
+    channel: str | None = None
+    unit: str | None = None
+    sign: Literal[1, -1] = 1
+    scale: float = 1.0
+    offset: float = 0.0
+    table: str | None = None
+    rate: str | float | None = None
+
+
+class SyntheticEntry(_Entry):
+    """How the example campaign is made: seed, what of the rig's truth is changed, file formats in turn."""
+
+    seed: int = 1
+    truth: dict[str, Any] = Field(default_factory=dict)
+    formats: list[Literal["csv", "mcap"]] = Field(default_factory=lambda: ["csv"])
+
+
+class RecipeFile(_Entry):
+    """A recipe as written; `load` checks it against the experiment that it names."""
+
+    experiment: str
+    title: str = ""
+    description: str = ""
+    channels: dict[str, ChannelEntry] = Field(default_factory=dict)
+    conditions: dict[str, bool | float | str] = Field(default_factory=dict)
+    file_name: str | None = None
+    exclude: dict[str, str] = Field(default_factory=dict)
+    settings: dict[str, Any] = Field(default_factory=dict)
+    uses: list[str] = Field(default_factory=list)
+    synthetic: SyntheticEntry | None = None
+
+    @field_validator("channels", mode="before")
+    @classmethod
+    def _a_bare_name_is_the_channel(cls, value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {k: {"channel": v} if isinstance(v, str) else v for k, v in value.items()}
+        return value
+
+    @field_validator("exclude", mode="before")
+    @classmethod
+    def _a_bare_list_has_no_reasons(cls, value: Any) -> Any:
+        return dict.fromkeys(map(str, value), "excluded by the recipe") if isinstance(value, list) else value
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A checked recipe: the experiment, channel maps, constant conditions in SI, settings."""
+
+    path: str
+    experiment: Experiment
+    title: str
+    description: str
+    channels: Mapping[str, ChannelMap]
+    conditions: Mapping[str, Condition]
+    file_name: str | None
+    exclude: Mapping[str, str]
+    settings: Settings
+    uses: Sequence[str]
+    synthetic: SyntheticEntry
+    digest: str
+
+    @classmethod
+    def default(cls, experiment: Experiment) -> Recipe:
+        """Return the recipe for logs that bear the canonical names: everything as the experiment has it."""
+        return _checked(RecipeFile(experiment=experiment.id), yaml_text.CommentedMap(), "", experiment)
+
+
+def load(path: Path, experiment_id: str | None = None) -> Recipe:
+    """Read and check a recipe.
+
+    Raises
+    ------
+    InputError
+        For anything unknown, misspelt or of the wrong kind: file, line, what is known. Also where
+        the recipe is for another experiment than `experiment_id`.
+    """
+    content = yaml_text.load(path)
+    if "experiment" not in content and experiment_id is not None:
+        content["experiment"] = experiment_id
+    try:
+        written = RecipeFile.model_validate(yaml_text.plain(content))
+    except ValidationError as error:
+        raise InputError(_first_fault(error, content, str(path), RecipeFile)) from error
+    if experiment_id is not None and written.experiment != experiment_id:
+        raise InputError(
+            f"{path} line {yaml_text.line_of(content, ['experiment'])}: this recipe is for "
+            f"'{written.experiment}', not for '{experiment_id}'. Name that experiment or another recipe."
+        )
+    try:
+        experiment = find_experiment(written.experiment)
+    except InputError as error:
+        raise InputError(f"{path} line {yaml_text.line_of(content, ['experiment'])}: {error}") from error
+    return _checked(written, content, str(path), experiment)
+
+
+def _checked(written: RecipeFile, content: Any, path: str, experiment: Experiment) -> Recipe:
+    def where(*place: str) -> str:
+        line = yaml_text.line_of(content, place)
+        return f"{path} line {line}" if line else path
+
+    try:
+        settings = experiment.settings.model_validate(written.settings)
+    except ValidationError as error:
+        raise InputError(_first_fault(error, content, path, experiment.settings, ("settings",))) from error
+    channels = {
+        name: _channel_map(name, entry, experiment, where("channels", name)) for name, entry in written.channels.items()
+    }
+    conditions: dict[str, Condition] = {}
+    for name, value in written.conditions.items():
+        spec = experiment.condition(name)
+        if spec is None:
+            known = [spec.name for spec in experiment.conditions]
+            raise InputError(
+                f"{where('conditions', name)}: {experiment.id} knows no condition '{name}'.{nearest(name, known)} "
+                f"Known conditions: {listing(known, 40)}."
+            )
+        conditions[name] = condition_value(value, spec.unit, f"{where('conditions', name)}, condition '{name}'")
+    digest = hashlib.sha256(json.dumps(written.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+    return Recipe(
+        path=path,
+        experiment=experiment,
+        title=written.title or experiment.title,
+        description=written.description,
+        channels=channels,
+        conditions=conditions,
+        file_name=written.file_name,
+        exclude=written.exclude,
+        settings=settings,
+        uses=tuple(written.uses),
+        synthetic=written.synthetic or SyntheticEntry(),
+        digest=digest,
+    )
+
+
+def condition_value(value: Condition, unit: str, where: str) -> Condition:
+    """Turn a condition as written (``6 A``, ``0.4``, ``true``) into SI; text conditions (unit '') stay as they are.
+
+    Raises
+    ------
+    InputError
+        Where a number is expected and there is none, or its unit is wrong.
+    """
+    if unit == "" or isinstance(value, bool):
+        return value
+    return quantity(value, unit, where)
+
+
+def _channel_map(name: str, entry: ChannelEntry, experiment: Experiment, where: str) -> ChannelMap:
+    spec = experiment.channel(name)
+    if spec is None and name != "time":
+        known = ["time", *(spec.name for spec in experiment.channels)]
+        raise InputError(
+            f"{where}: {experiment.id} knows no channel '{name}'.{nearest(name, known)} "
+            f"Known channels: {listing(known, 40)}. Left of the colon stands the rig's name, right of it the log's."
+        )
+    si_unit = "s" if spec is None else spec.unit
+    if entry.unit is not None and si_unit:
+        conversion(entry.unit, si_unit, f"{where}, channel '{name}'")
+    rate = None if entry.rate is None else quantity(entry.rate, "Hz", f"{where}, rate")
+    if rate is not None and not rate > 0:
+        raise InputError(f"{where}: rate must be more than 0 Hz, found {entry.rate}.")
+    return ChannelMap(
+        channel=entry.channel,
+        unit=entry.unit,
+        sign=float(entry.sign),
+        scale=entry.scale,
+        offset=entry.offset,
+        table=entry.table,
+        rate=rate,
+    )
+
+
+def _first_fault(
+    error: ValidationError, content: Any, path: str, model: type[BaseModel], above: tuple[str, ...] = ()
+) -> str:
+    """Say the first fault that pydantic found: line, key, what was found, the nearest known key."""
+    first = error.errors()[0]
+    place = (*above, *(part for part in first["loc"] if part != "[key]"))
+    line = yaml_text.line_of(content, place)
+    at = f"{path} line {line}" if line else path
+    key = ".".join(str(part) for part in place)
+    if first["type"] == "extra_forbidden":
+        known = _known_keys(model, place[len(above) : -1])
+        return (
+            f"{at}: unknown key '{place[-1]}'.{nearest(str(place[-1]), known)} Known keys here: {listing(known, 40)}."
+        )
+    if first["type"] == "missing":
+        return f"{at}: the key '{key}' is missing; add '{place[-1]}: ...'."
+    message = str(first["msg"]).removeprefix("Value error, ")
+    return f"{at}: '{key}' is {first['input']!r}: {message[:1].lower()}{message[1:]}."
+
+
+def _known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
+    """Return the keys that `model` knows at a nested place, following the models inside it."""
+    inner: Any = model
+    for step in place:
+        if isinstance(inner, type) and issubclass(inner, BaseModel) and step in inner.model_fields:
+            inner = inner.model_fields[str(step)].annotation
+        models = _models_in(inner)
+        if models:
+            inner = models[0]
+    return list(inner.model_fields) if isinstance(inner, type) and issubclass(inner, BaseModel) else []
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [m for argument in getattr(annotation, "__args__", ()) for m in _models_in(argument)]

@@ -1,0 +1,104 @@
+"""`runs.csv` of a campaign: one line a run, one column a condition."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.campaign.conditions import HEADING, spec_for, value_of
+from pipeline.errors import InputError, listing, nearest
+from pipeline.recording import Condition, QualityFinding
+from pipeline.recording.units import conversion
+from pipeline.rigs.experiment import ConditionSpec, Experiment
+
+
+@dataclass(frozen=True)
+class RunsTable:
+    """`runs.csv`: one line a run, one column a condition."""
+
+    path: str
+    rows: Mapping[str, Mapping[str, Condition]]
+    notes: Sequence[QualityFinding] = ()
+
+    def conditions(self, run: str) -> Mapping[str, Condition]:
+        """Return what the table says of a run; the run may be called by its file name as well."""
+        return self.rows.get(run, {})
+
+    def unknown(self, runs: Iterable[str]) -> list[str]:
+        """Return the runs that the table names and that have no log."""
+        return sorted(set(self.rows) - set(runs))
+
+
+def read(path: Path, experiment: Experiment, shown_as: str) -> RunsTable:
+    """Read `runs.csv`: a column ``run`` and conditions, units in the heading (``coil_current [A]``) or the cell.
+
+    Raises
+    ------
+    InputError
+        If there is no column ``run``, a run stands twice, or a value cannot be read: file, line, column.
+    """
+    lines = list(csv.reader(_text_of(path, shown_as).splitlines(), delimiter=_delimiter(path, shown_as)))
+    numbered = [(n, row) for n, row in enumerate(lines, 1) if any(c.strip() for c in row) and row[0][:1] != "#"]
+    if not numbered:
+        raise InputError(
+            f"{shown_as}: is empty; write a header line such as 'run,coil_current [A]' or remove the file."
+        )
+    headings = [HEADING.match(cell) for cell in numbered[0][1]]
+    names = [match[1] if match else "" for match in headings]
+    units = [match[2] if match else None for match in headings]
+    lowered = [name.lower() for name in names]
+    if "run" not in lowered:
+        raise InputError(
+            f"{shown_as} line {numbered[0][0]}: no column 'run'; the columns are {listing(names)}. "
+            "The first line must name a column 'run' that holds the log's name without its ending."
+        )
+    if len(set(lowered)) < len([n for n in lowered if n]) and len(lowered) != len(set(lowered)):
+        twice = next(n for n in lowered if n and lowered.count(n) > 1)
+        raise InputError(f"{shown_as} line {numbered[0][0]}: two columns are called '{twice}'; keep one of them.")
+    notes: list[QualityFinding] = []
+    specs: list[ConditionSpec | None] = []
+    for name, unit in zip(names, units, strict=True):
+        spec = spec_for(name, experiment.conditions)
+        specs.append(spec)
+        if spec is not None and unit and spec.unit:
+            conversion(unit, spec.unit, f"{shown_as} line {numbered[0][0]}, column '{name}'")
+        if spec is None and name and name.lower() != "run":
+            hint = nearest(name, [s.name for s in experiment.conditions])
+            if hint:
+                notes.append(
+                    QualityFinding("warning", f"{shown_as}: column '{name}' is no condition of {experiment.id}.{hint}")
+                )
+    rows: dict[str, Mapping[str, Condition]] = {}
+    for number, row in numbered[1:]:
+        run = row[lowered.index("run")].strip() if len(row) > lowered.index("run") else ""
+        if not run:
+            raise InputError(f"{shown_as} line {number}: the column 'run' is empty; write the log's name there.")
+        if run in rows:
+            raise InputError(f"{shown_as} line {number}: the run '{run}' stands twice; keep one line for each run.")
+        values: dict[str, Condition] = {}
+        for cell, name, unit, spec in zip(row, names, units, specs, strict=False):
+            if spec is not None and cell.strip():
+                where = f"{shown_as} line {number}, column '{name}'"
+                values[spec.name] = value_of(cell, unit, spec, where)
+        rows[run] = values
+    return RunsTable(shown_as, rows, tuple(notes))
+
+
+def _text_of(path: Path, shown_as: str) -> str:
+    content = path.read_bytes()
+    if b"\0" in content and not content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError(f"{shown_as}: is not text (it holds NUL bytes); write it as a CSV table.")
+    encodings = ["utf-16"] if content.startswith((b"\xff\xfe", b"\xfe\xff")) else ["utf-8-sig", "gb18030", "cp1252"]
+    for encoding in encodings:
+        try:
+            return content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    return content.decode("latin-1")
+
+
+def _delimiter(path: Path, shown_as: str) -> str:
+    first = next((ln for ln in _text_of(path, shown_as).splitlines() if ln.strip() and not ln.startswith("#")), "")
+    return max(";\t,|", key=first.count)
