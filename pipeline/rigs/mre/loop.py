@@ -25,12 +25,12 @@ class Loop:
         Name of the run; fitted fundamental, Hz.
     X, F
         Harmonics 1..N_X of displacement (m) and 1..N_F of force (N), complex.
-    sd_X, sd_F
+    sd_x, sd_f
         Standard deviation of the real and of the imaginary part of each, from the residual's level
         around that harmonic; shapes (N_X,) and (N_F,).
     kept
         Which force harmonics are data (False: next to a multiple of the mains frequency), (N_F,).
-    x_mean, F_mean, sigma_x, sigma_F
+    x_mean, F_mean, sigma_x, sigma_f
         Means and residual standard deviations of the samples, m and N.
     n_samples, duration
         Samples used and their span, s.
@@ -42,13 +42,13 @@ class Loop:
     frequency: float
     X: np.ndarray
     F: np.ndarray
-    sd_X: np.ndarray
-    sd_F: np.ndarray
+    sd_x: np.ndarray
+    sd_f: np.ndarray
     kept: np.ndarray
     x_mean: float
     F_mean: float
     sigma_x: float
-    sigma_F: float
+    sigma_f: float
     n_samples: int
     duration: float
     current: float | None = None
