@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.campaign.recipe import Recipe
 from pipeline.errors import InputError, listing, nearest
 from pipeline.recording import Condition, QualityFinding
-from pipeline.recording.units import conversion, is_unit
+from pipeline.recording.units import conversion, is_unit, quantity
 from pipeline.rigs.experiment import ConditionSpec
 
 if TYPE_CHECKING:
+    from pipeline.campaign.recipe import Recipe
     from pipeline.campaign.runs_table import RunsTable
 
 HEADING = re.compile(r"^\s*(.*?)\s*(?:[\[(]\s*([^\])]*)\s*[\])])?\s*$")
@@ -83,6 +83,19 @@ def of_run(
     return Conditions(values, sources, tuple(notes))
 
 
+def condition_value(value: Condition, unit: str, where: str) -> Condition:
+    """Turn a condition as written (``6 A``, ``0.4``, ``true``) into SI; text conditions (unit '') stay as they are.
+
+    Raises
+    ------
+    InputError
+        Where a number is expected and there is none, or its unit is wrong.
+    """
+    if unit == "" or isinstance(value, bool):
+        return value
+    return quantity(value, unit, where)
+
+
 def spec_for(name: str, specs: Iterable[ConditionSpec]) -> ConditionSpec | None:
     """Return the condition meant by a heading: case, blanks and dashes do not matter."""
     plain = re.sub(r"[\s\-]+", "_", name.strip()).lower()
@@ -96,7 +109,7 @@ def value_of(text: str, unit: str | None, spec: ConditionSpec, where: str) -> Co
         low = text.lower()
         return True if low in _TRUE else False if low in _FALSE else text
     bare = re.fullmatch(r"[-+]?[\d.,]+(?:[eE][-+]?\d+)?", text)
-    return conditionvalue_of(f"{text} {unit}" if bare and unit else text, spec.unit, where)
+    return condition_value(f"{text} {unit}" if bare and unit else text, spec.unit, where)
 
 
 def _from_log(
@@ -193,8 +206,9 @@ def _missing(spec: ConditionSpec, run: str, recipe: Recipe) -> str:
     example = f"1 {spec.unit}" if spec.unit not in ("", "1") else "1" if spec.unit else "text"
     column = f"{spec.name} [{spec.unit}]" if spec.unit not in ("", "1") else spec.name
     return (
-        f"run '{run}': the condition '{spec.name}' ({spec.description}) is missing and {recipe.experiment.id} needs "
-        f"it. Give it in one of four ways: a column '{column}' in runs.csv beside the logs; in the log itself as a "
-        f"comment line '# {spec.name}: {example}' or MCAP metadata; in the file name with "
-        f"'file_name: \"..._{{{spec.name}}}...\"' in the recipe; or as a constant in the recipe, 'conditions: {{{spec.name}: {example}}}'."
+        f"run '{run}': the condition '{spec.name}' ({spec.description}) is missing and {recipe.experiment.id} "
+        f"needs it. Give it in one of four ways: a column '{column}' in runs.csv beside the logs; in the log itself as "
+        f"a comment line '# {spec.name}: {example}' or MCAP metadata; in the file name, with "
+        f"'file_name: \"..._{{{spec.name}}}...\"' in the recipe; "
+        f"or as a constant in the recipe, 'conditions: {{{spec.name}: {example}}}'."
     )

@@ -9,13 +9,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from pipeline.campaign import yaml_text
+from pipeline.campaign.conditions import condition_value
 from pipeline.errors import InputError, listing, nearest
 from pipeline.ingest.mapping import ChannelMap
 from pipeline.recording import Condition
@@ -45,7 +46,7 @@ class SyntheticEntry(_Entry):
 
     seed: int = 1
     truth: dict[str, Any] = Field(default_factory=dict)
-    formats: list[Literal["csv", "mcap"]] = Field(default_factory=lambda: ["csv"])
+    formats: list[Literal["csv", "mcap"]] = ["csv"]
 
 
 class RecipeFile(_Entry):
@@ -95,7 +96,11 @@ class Recipe:
     @classmethod
     def default(cls, experiment: Experiment) -> Recipe:
         """Return the recipe for logs that bear the canonical names: everything as the experiment has it."""
-        return _checked(RecipeFile(experiment=experiment.id), yaml_text.CommentedMap(), "", experiment)
+        return _checked(RecipeFile(experiment=experiment.id), {}, "", experiment)
+
+    def shown_as(self, path: str) -> Recipe:
+        """Return the same recipe with the path that messages and provenance show."""
+        return replace(self, path=path)
 
 
 def load(path: Path, experiment_id: str | None = None) -> Recipe:
@@ -163,19 +168,6 @@ def _checked(written: RecipeFile, content: Any, path: str, experiment: Experimen
         synthetic=written.synthetic or SyntheticEntry(),
         digest=digest,
     )
-
-
-def condition_value(value: Condition, unit: str, where: str) -> Condition:
-    """Turn a condition as written (``6 A``, ``0.4``, ``true``) into SI; text conditions (unit '') stay as they are.
-
-    Raises
-    ------
-    InputError
-        Where a number is expected and there is none, or its unit is wrong.
-    """
-    if unit == "" or isinstance(value, bool):
-        return value
-    return quantity(value, unit, where)
 
 
 def _channel_map(name: str, entry: ChannelEntry, experiment: Experiment, where: str) -> ChannelMap:

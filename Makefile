@@ -1,0 +1,42 @@
+# make reports   set up, synthesise the examples, run the pipeline
+# make test      set up, check style and types, run the tests
+# make benchmark set up, print the ratios of docs/performance.md
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+# One BLAS thread: the matrices are small, and two threads on two busy cores are slower than one.
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: reports test lint benchmark coverage-study setup clean
+.DEFAULT_GOAL := reports
+
+$(VENV)/ready: requirements.txt pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "rigfit needs Python 3.11 or newer; say which with: make PYTHON=python3.12" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+setup: $(VENV)/ready
+
+reports: setup
+	$(BIN)/dvc repro --keep-going
+	@echo "$(CURDIR)/reports/index.html"
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+test: lint
+	$(BIN)/python -m pytest -n auto
+
+benchmark: setup
+	$(BIN)/python -m benchmarks
+
+coverage-study: setup
+	$(BIN)/python -m benchmarks.coverage
+
+clean:
+	rm -rf $(VENV) recordings reports datasets/*/synthetic

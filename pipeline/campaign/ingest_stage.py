@@ -1,0 +1,229 @@
+"""Logs + recipe -> recordings, incrementally: a log that was read already is not read again.
+
+A folder of recordings holds Parquet files and `manifest.json`, which is written last and says which
+files belong to which run, what they were made from, and which logs were left out and why.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline import __version__
+from pipeline.campaign import conditions as run_conditions
+from pipeline.campaign.logs import RunFiles
+from pipeline.campaign.parallel import in_parallel
+from pipeline.campaign.recipe import Recipe
+from pipeline.campaign.runs_table import RunsTable
+from pipeline.errors import InputError, listing
+from pipeline.ingest.ingest import VERSION, ingest_run
+from pipeline.ingest.registry import open_log, reader_for
+from pipeline.recording import QualityFinding, Recording
+from pipeline.recording.storage import read, sha256_of, whole_or_not
+
+MANIFEST = "manifest.json"
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Ingested:
+    """What a folder of recordings holds."""
+
+    folder: Path
+    files: Mapping[str, Sequence[str]]
+    quality: Sequence[QualityFinding]
+
+    def recordings(self) -> list[Recording]:
+        """Read the recordings, in the order of the runs."""
+        return [read([self.folder / name for name in names]) for names in self.files.values()]
+
+
+def ingest(
+    recipe: Recipe,
+    runs: Sequence[RunFiles],
+    folder: Path,
+    *,
+    base: Path,
+    table: RunsTable | None = None,
+    force: bool = False,
+    progress: Progress = lambda _run: None,
+) -> Ingested:
+    """Bring `folder` up to date with the logs of `runs`.
+
+    Parameters
+    ----------
+    base
+        Paths of logs are kept and shown relative to it.
+    force
+        Read every log again.
+    progress
+        Called with each run's name when it is done.
+
+    Raises
+    ------
+    InputError
+        If no log at all can be read; nothing is changed then. Logs that cannot be read beside others
+        that can are left out, which the result says as an error of that run.
+    """
+    before = {} if force else _manifest(folder).get("runs", {})
+    quality = _campaign_notes(recipe, runs, table)
+    wanted = [entry for entry in runs if entry.run not in recipe.exclude]
+    failed: dict[str, str] = {}
+    tasks: dict[str, _Task] = {}
+    kept: dict[str, dict[str, Any]] = {}
+    for entry in wanted:
+        try:
+            task = _prepare(recipe, entry, table, base)
+        except InputError as error:
+            failed[entry.run] = str(error)
+            continue
+        known = before.get(entry.run)
+        if known and known["key"] == task.key and all((folder / name).is_file() for name in known["files"]):
+            kept[entry.run] = known
+            progress(entry.run)
+        else:
+            tasks[entry.run] = task
+    sizes = sum(path.stat().st_size for task in tasks.values() for _, path in task.files)
+    for run, outcome in in_parallel(_read_one, [(task, folder) for task in tasks.values()], work=sizes):
+        if isinstance(outcome, str):
+            failed[run] = outcome
+        else:
+            kept[run] = {"key": tasks[run].key, "files": outcome}
+        progress(run)
+    if not kept:
+        raise InputError(_nothing(wanted, failed, recipe))
+    quality += [QualityFinding("error", f"left out: {message}", run) for run, message in failed.items()]
+    order = {entry.run: kept[entry.run] for entry in wanted if entry.run in kept}
+    content = {"runs": order, "quality": [asdict(finding) for finding in quality]}
+    with whole_or_not(folder / MANIFEST) as path:
+        path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    _sweep(folder, {name for entry in order.values() for name in entry["files"]})
+    return load(folder)
+
+
+def load(folder: Path) -> Ingested:
+    """Return what `ingest` left in `folder`.
+
+    Raises
+    ------
+    InputError
+        If it was not (or not wholly) ingested.
+    """
+    content = _manifest(folder)
+    if not content:
+        raise InputError(f"{folder}: holds no recordings; run 'rigfit ingest' for this campaign first.")
+    quality = [
+        QualityFinding(**{**entry, "span": tuple(entry["span"]) if entry["span"] else None})
+        for entry in content["quality"]
+    ]
+    return Ingested(folder, {run: entry["files"] for run, entry in content["runs"].items()}, quality)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """One run to read, with all that its recording depends on; `key` is the hash of that."""
+
+    run: str
+    files: tuple[tuple[str, Path], ...]
+    shown: Mapping[str, str]
+    recipe: Recipe
+    conditions: run_conditions.Conditions
+    key: str
+
+
+def _prepare(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Path) -> _Task:
+    metadata: dict[str, str] = {}
+    versions, hashes = [], []
+    for _, path in entry.files:
+        reader = reader_for(path)
+        versions.append(f"{reader.name}-{reader.version}")
+        hashes.append(sha256_of(path))
+        metadata.update(open_log(path).metadata)
+    first = entry.files[0][1].name
+    conditions = run_conditions.of_run(entry.run, recipe, table, metadata, first)
+    shown = {stream: _relative(path, base) for stream, path in entry.files}
+    depends = {
+        "version": [__version__, VERSION, *versions],
+        "files": [[stream, shown[stream], digest] for (stream, _), digest in zip(entry.files, hashes, strict=True)],
+        "experiment": recipe.experiment.id,
+        "channels": {name: asdict(entry) for name, entry in recipe.channels.items()},
+        "conditions": [dict(conditions.values), dict(conditions.sources)],
+    }
+    key = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
+    return _Task(entry.run, entry.files, shown, recipe, conditions, key)
+
+
+def _read_one(task: _Task, folder: Path) -> tuple[str, list[str] | str]:
+    """Read one run; return its files, or why it cannot be read."""
+    try:
+        paths = ingest_run(
+            task.run,
+            task.files,
+            task.recipe.experiment.channels,
+            task.recipe.channels,
+            task.conditions.values,
+            task.conditions.sources,
+            folder,
+            check=task.recipe.experiment.check,
+            notes=task.conditions.notes,
+            shown=task.shown,
+        )
+    except InputError as error:
+        return task.run, str(error)
+    return task.run, [path.name for path in paths]
+
+
+def _campaign_notes(recipe: Recipe, runs: Sequence[RunFiles], table: RunsTable | None) -> list[QualityFinding]:
+    names = [entry.run for entry in runs]
+    notes = list(table.notes) if table else []
+    if table and (unknown := table.unknown(names)):
+        notes.append(
+            QualityFinding(
+                "warning", f"{table.path}: no log for {listing(unknown)}; the runs here are {listing(names)}."
+            )
+        )
+    for run, reason in recipe.exclude.items():
+        if run in names:
+            notes.append(QualityFinding("note", f"left out by the recipe: {reason}", run))
+        else:
+            notes.append(
+                QualityFinding("warning", f"{recipe.path}: excludes '{run}', which is no run here: {listing(names)}.")
+            )
+    return notes
+
+
+def _nothing(wanted: Sequence[RunFiles], failed: Mapping[str, str], recipe: Recipe) -> str:
+    if not wanted:
+        return f"{recipe.path}: every run is excluded; take at least one out of 'exclude'."
+    first = next(iter(failed.values()))
+    if len(failed) == 1:
+        return first
+    alike = sum(message == first for message in failed.values())
+    others = "the same holds" if alike == len(failed) else "none of the others can be read either"
+    return f"{first} ({len(failed)} logs were given; {others}.)"
+
+
+def _manifest(folder: Path) -> dict[str, Any]:
+    try:
+        content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return content if isinstance(content, dict) and {"runs", "quality"} <= content.keys() else {}
+
+
+def _sweep(folder: Path, keep: set[str]) -> None:
+    """Remove recordings of logs that are gone, and what an interrupted run left behind."""
+    for path in folder.iterdir():
+        if path.is_file() and path.name not in keep and (path.suffix == ".parquet" or path.name.endswith(".partial")):
+            path.unlink()
+
+
+def _relative(path: Path, base: Path) -> str:
+    try:
+        return path.resolve().relative_to(base.resolve()).as_posix()
+    except ValueError:
+        return path.name

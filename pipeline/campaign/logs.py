@@ -1,0 +1,103 @@
+"""Which files are the logs of a campaign, and which of them make up one run.
+
+``<run>.csv`` is a run; ``<run>.<table>.csv`` with a table named in lower case (``r1.device.csv``,
+``r1.bench.csv``) are the streams of one run, each with its own clock.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import InputError
+
+RUNS_TABLE = "runs.csv"
+# What lies beside logs without being one: notes, pictures, what version control keeps.
+_BESIDE = {".md", ".pdf", ".jpg", ".jpeg", ".png", ".doc", ".docx", ".dvc", ".yaml", ".yml", ".html", ".rst"}
+_TABLE = re.compile(r"^(.+)\.([a-z][a-z_]{2,})$")
+
+
+@dataclass(frozen=True)
+class RunFiles:
+    """The files of one run: (stream, path), the stream '' where there is only one file."""
+
+    run: str
+    files: tuple[tuple[str, Path], ...]
+
+
+def of_folder(folder: Path) -> list[Path]:
+    """Return the logs below a campaign's folder, in order of their names.
+
+    Raises
+    ------
+    InputError
+        If there is no such folder, or no log in it.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder; make it and put the campaign's logs into it.")
+    paths = [
+        path
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+        and not any(part.startswith(".") for part in path.relative_to(folder).parts)
+        and path.name != RUNS_TABLE
+        and path.suffix.lower() not in _BESIDE
+    ]
+    if not paths:
+        raise InputError(
+            f"{folder}: holds no logs; drop at least one CSV, MCAP or MAT file into it "
+            "(runs.csv, notes and pictures do not count)."
+        )
+    return paths
+
+
+def as_given(paths: Sequence[Path]) -> list[Path]:
+    """Check paths named on the command line: each must be a file.
+
+    Raises
+    ------
+    InputError
+        For a path that is missing or a folder.
+    """
+    for path in paths:
+        if path.is_dir():
+            raise InputError(f"{path}: is a folder; name the log files in it, for example {path}/*.csv.")
+        if not path.exists():
+            raise InputError(f"{path}: there is no such file; check the name and the folder.")
+        if not path.is_file():
+            raise InputError(f"{path}: is not a regular file; copy the log to a file first.")
+    return list(dict.fromkeys(paths))
+
+
+def runs_of(paths: Sequence[Path]) -> list[RunFiles]:
+    """Group logs into runs; a name that two runs would share gets the file's ending, then its folder."""
+    by_run: dict[tuple[Path, str], list[tuple[str, Path]]] = {}
+    for path in paths:
+        match = _TABLE.match(path.stem)
+        run, table = (match[1], match[2]) if match else (path.stem, "")
+        key = (path.parent, run if table else path.name)
+        by_run.setdefault(key, []).append((table, path))
+    named = [(_safe(run if files[0][0] else files[0][1].stem), files) for (_, run), files in by_run.items()]
+    often = Counter(name for name, _ in named)
+    result: dict[str, RunFiles] = {}
+    for name, files in named:
+        if often[name] > 1:
+            name = _safe(files[0][1].name)
+        if name in result:
+            name = _safe(f"{files[0][1].parent.name}-{name}")
+        while name in result:
+            name += "+"
+        result[name] = RunFiles(name, tuple(sorted(files)))
+    return sorted(result.values(), key=lambda entry: _natural(entry.run))
+
+
+def _safe(name: str) -> str:
+    """Make a name that cannot leave its folder or hide in it."""
+    return re.sub(r"[^\w.+@=,() -]", "_", name).strip(" .") or "run"
+
+
+def _natural(name: str) -> tuple[object, ...]:
+    return tuple((0, int(part)) if part.isdigit() else (1, part.lower()) for part in re.split(r"(\d+)", name))

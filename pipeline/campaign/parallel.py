@@ -1,0 +1,32 @@
+"""Independent work on runs: on the local cores through joblib, one after the other where it is little."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
+
+# Starting worker processes costs about a second each; below this many bytes it does not pay.
+WORTH_WORKERS = 64 << 20
+
+
+def in_parallel(function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], work: int) -> Iterable[Result]:
+    """Yield ``function(*task)`` for each task, in order.
+
+    Parameters
+    ----------
+    work
+        Bytes to be read in all, which decides whether worker processes are worth their start.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if cores == 1 or len(tasks) < 2 or work < WORTH_WORKERS:
+        for task in tasks:
+            yield function(*task)
+        return
+    from joblib import Parallel, delayed
+
+    yield from Parallel(n_jobs=min(cores, len(tasks)), return_as="generator")(
+        delayed(function)(*task) for task in tasks
+    )

@@ -1,0 +1,43 @@
+"""Findings -> report.html, the campaign's entry for the index, and the index over all campaigns."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from pipeline.campaign.project import Campaign, Project
+from pipeline.findings import Findings
+from pipeline.recording.storage import whole_or_not
+from pipeline.report.index import IndexEntry, index_entry, render_index
+from pipeline.report.page import render_report
+from pipeline.rigs.experiment import Experiment
+
+
+def report(findings: Findings, experiment: Experiment, title: str, command: str, folder: Path) -> Path:
+    """Write ``report.html`` into `folder`."""
+    page = folder / "report.html"
+    with whole_or_not(page) as partial:
+        partial.write_text(render_report(findings, experiment, title, command), encoding="utf-8")
+    return page
+
+
+def entry(findings: Findings, experiment: Experiment, title: str, campaign: Campaign) -> Path:
+    """Write what the index needs of one campaign; DVC cannot let a stage depend on a list of files, but on a folder."""
+    content = asdict(index_entry(findings, experiment, title, f"{campaign.name}/report.html"))
+    with whole_or_not(campaign.index_entry) as partial:
+        partial.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return campaign.index_entry
+
+
+def index(project: Project) -> tuple[Path, list[str]]:
+    """Write ``reports/index.html``; return its path and the campaigns that are rejected."""
+    entries = []
+    for name in project.campaigns():
+        path = Campaign(name, project.root).index_entry
+        if path.is_file():
+            entries.append(IndexEntry(**json.loads(path.read_text(encoding="utf-8"))))
+    page = project.root / "reports" / "index.html"
+    with whole_or_not(page) as partial:
+        partial.write_text(render_index(entries), encoding="utf-8")
+    return page, [entry.name for entry in entries if entry.verdict == "rejected"]

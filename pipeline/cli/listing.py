@@ -1,0 +1,30 @@
+"""`rigfit list`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pipeline.campaign.project import Project
+from pipeline.campaign.recipe import load
+from pipeline.errors import InputError
+from pipeline.rigs.registry import all_experiments
+
+
+def show(folder: Path) -> None:
+    """Print experiments and, inside a project, its campaigns."""
+    click.echo("Experiments:")
+    for id_, experiment in all_experiments().items():
+        click.echo(f"  {id_:<18} {experiment.title}")
+    try:
+        project = Project.around(folder)
+    except InputError:
+        return
+    click.echo("Campaigns:")
+    for name in project.campaigns():
+        try:
+            recipe = load(project.campaign(name).recipe)
+            click.echo(f"  {name:<18} {recipe.experiment.id}: {recipe.title}")
+        except InputError as error:
+            click.echo(f"  {name:<18} {error}")

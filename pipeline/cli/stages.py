@@ -1,0 +1,133 @@
+"""The stages behind the commands: paths and progress around the floors below. Each returns an exit status."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from pipeline.campaign import identify_stage, ingest_stage, logs, report_stage, runs_table, synthesize_stage
+from pipeline.campaign.project import Campaign, Project
+from pipeline.campaign.recipe import Recipe, load
+from pipeline.cli.progress import progress
+from pipeline.errors import InputError
+from pipeline.findings import Findings
+from pipeline.findings import storage as findings_storage
+from pipeline.rigs.registry import experiment as find_experiment
+
+
+def run(
+    experiment_id: str,
+    paths: Sequence[Path],
+    out: Path,
+    recipe_path: Path | None,
+    runs_path: Path | None,
+    uses: Sequence[Path],
+) -> int:
+    """Do all stages for logs named on the command line; results go into `out`."""
+    experiment = find_experiment(experiment_id)
+    recipe = load(recipe_path, experiment_id) if recipe_path else Recipe.default(experiment)
+    runs = logs.runs_of(logs.as_given(paths))
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: is a file, not a folder; name another folder with --out.")
+    table = runs_table.read(runs_path, experiment, str(runs_path)) if runs_path else None
+    handed = {path.stem if path.is_file() else path.name: findings_storage.read(path) for path in uses}
+    fresh = out / ".recordings.partial"
+    shutil.rmtree(fresh, ignore_errors=True)
+    try:
+        with progress("ingest", len(runs)) as step:
+            ingested = ingest_stage.ingest(recipe, runs, fresh, base=Path.cwd(), table=table, progress=step)
+        name = out.resolve().name
+        findings = identify_stage.identify(name, recipe, ingested, handed, out)
+        shutil.rmtree(out / "recordings", ignore_errors=True)
+        fresh.replace(out / "recordings")
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+        if out.is_dir() and not any(out.iterdir()):
+            out.rmdir()
+    command = shlex.join(["rigfit", *sys.argv[1:]])
+    page = report_stage.report(findings, experiment, recipe.title, command, out)
+    return _told(findings, page)
+
+
+def synthesize(name: str, out: Path | None, seed: int | None) -> None:
+    """Write synthetic logs of a campaign, or of an experiment into `out`."""
+    if out is not None and "." in name:
+        recipe = Recipe.default(find_experiment(name))
+        folder = out
+    else:
+        campaign, recipe = _campaign(name)
+        folder = out or campaign.synthetic
+    written = synthesize_stage.synthesize(recipe, folder, recipe.synthetic.seed if seed is None else seed)
+    click.echo(f"{len(written)} logs in {folder}")
+
+
+def ingest(name: str, force: bool) -> None:
+    """Bring the recordings of a campaign up to date with its logs."""
+    campaign, recipe = _campaign(name)
+    runs = logs.runs_of(logs.of_folder(campaign.logs))
+    table = None
+    if campaign.runs_table.is_file():
+        shown = campaign.runs_table.relative_to(campaign.root).as_posix()
+        table = runs_table.read(campaign.runs_table, recipe.experiment, shown)
+    with progress("ingest", len(runs)) as step:
+        ingested = ingest_stage.ingest(
+            recipe, runs, campaign.recordings, base=campaign.root, table=table, force=force, progress=step
+        )
+    for finding in ingested.quality:
+        if finding.level != "note":
+            click.echo(f"{finding.level}: {finding.run or name}: {finding.message}", err=True)
+    click.echo(f"{len(ingested.files)} recordings in {campaign.recordings.relative_to(campaign.root)}/")
+
+
+def identify(name: str) -> int:
+    """Identify a campaign from its recordings."""
+    campaign, recipe = _campaign(name)
+    used = {other: Campaign(other, campaign.root).results / "findings.json" for other in recipe.uses}
+    with progress("identify", None):
+        findings = identify_stage.identify(
+            name,
+            recipe,
+            ingest_stage.load(campaign.recordings),
+            identify_stage.used_findings(used),
+            campaign.results,
+        )
+    return _told(findings, None)
+
+
+def report(name: str) -> None:
+    """Render the report of a campaign."""
+    campaign, recipe = _campaign(name)
+    findings = findings_storage.read(campaign.results)
+    page = report_stage.report(findings, recipe.experiment, recipe.title, f"dvc repro report@{name}", campaign.results)
+    report_stage.entry(findings, recipe.experiment, recipe.title, campaign)
+    click.echo(page.relative_to(campaign.root).as_posix())
+
+
+def index() -> int:
+    """Render the index over all campaigns; 1 where one is rejected."""
+    project = Project.around(Path.cwd())
+    page, rejected = report_stage.index(project)
+    click.echo(page)
+    if rejected:
+        click.echo(f"rejected: {', '.join(rejected)}; the reports say why.", err=True)
+    return 1 if rejected else 0
+
+
+def _campaign(name: str) -> tuple[Campaign, Recipe]:
+    campaign = Project.around(Path.cwd()).campaign(name)
+    recipe = load(campaign.recipe)
+    return campaign, recipe.shown_as(campaign.recipe.relative_to(campaign.root).as_posix())
+
+
+def _told(findings: Findings, page: Path | None) -> int:
+    click.echo(f"{findings.campaign}: {findings.verdict}")
+    for reason in findings.reasons:
+        click.echo(f"  {reason}")
+    if page is not None:
+        click.echo(f"report: {page}")
+    return 1 if findings.verdict == "rejected" else 0
