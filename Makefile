@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: the matrices are small, and two threads on two busy cores are slower than one.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: reports test lint benchmark coverage-study setup clean
+.PHONY: reports test lint benchmark coverage-study schema setup clean
 .DEFAULT_GOAL := reports
 
 $(VENV)/ready: requirements.txt pyproject.toml
@@ -40,3 +40,6 @@ coverage-study: setup
 
 clean:
 	rm -rf $(VENV) recordings reports datasets/*/synthetic
+
+schema: setup
+	$(BIN)/python -m pipeline.findings.storage > docs/findings.schema.json

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def progress(what: str, total: int | None) -> Iterator[Callable[[str], None]]:
-    """Yield a function to be called with the name of each part that is done; `total` None for work of unknown length."""
+    """Yield a function to call with the name of each part that is done; `total` None for work of unknown length."""
     if not sys.stderr.isatty():
         yield lambda _name: None
         return

@@ -52,11 +52,23 @@ def identify(recordings: Sequence[Recording], settings: SpringSettings, context:
         error = float(np.sqrt(covariance[0, 0]))
         k = float(coefficients[0])
         parameters.append(
-            Parameter(name="stiffness", symbol="k", value=k, std_error=error, ci95=(k - 1.96 * error, k + 1.96 * error),
-                      unit="N/m", at={"run": recording.run}, description="slope", source="Hooke 1678")  # fmt: skip
+            Parameter(
+                name="stiffness",
+                symbol="k",
+                value=k,
+                std_error=error,
+                ci95=(k - 1.96 * error, k + 1.96 * error),
+                unit="N/m",
+                at={"run": recording.run},
+                description="slope",
+                source="Hooke 1678",
+            )
         )
-        tables.append(pd.DataFrame({"run": recording.run, "extension": extension[use], "force": force[use],
-                                    "model": force[use] - residual}))  # fmt: skip
+        tables.append(
+            pd.DataFrame(
+                {"run": recording.run, "extension": extension[use], "force": force[use], "model": force[use] - residual}
+            )
+        )
     if not parameters:
         raise InputError(f"campaign '{context.campaign}': no run holds 10 samples; record longer.")
     n = sum(len(table) for table in tables)
@@ -89,9 +101,15 @@ def synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:
 def sections(findings: Findings) -> Sequence[Section]:
     table = findings.arrays["pulls"]
     panels = [
-        Panel([Points(part.extension.to_numpy(), part.force.to_numpy(), "measured", "measured"),
-               Line(part.extension.to_numpy(), part.model.to_numpy(), "model", "line")],
-              Axis("extension", "m"), Axis("force", "N"), title=str(run))  # fmt: skip
+        Panel(
+            [
+                Points(part.extension.to_numpy(), part.force.to_numpy(), "measured", "measured"),
+                Line(part.extension.to_numpy(), part.model.to_numpy(), "model", "line"),
+            ],
+            Axis("extension", "m"),
+            Axis("force", "N"),
+            title=str(run),
+        )
         for run, part in table.groupby("run")
     ]
     figure = Figure("pulls", "Pulls", "Is the spring straight? It is.", "force over extension", panels, columns=2)
