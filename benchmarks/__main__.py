@@ -20,9 +20,7 @@ def main() -> None:
     unknown = sorted(set(sys.argv[1:]) - set(NAMES))
     if unknown:
         sys.exit(f"no such benchmark: {', '.join(unknown)}; known are {', '.join(NAMES)}")
-    table = Table(
-        title=f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
-    )
+    table = Table(title=f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     for heading in ("what", "against", "ours [s]", "theirs [s]", "ratio", "goal"):
         table.add_column(heading, justify="left" if heading in ("what", "against", "goal") else "right")
     for name in sys.argv[1:] or NAMES:

@@ -1,11 +1,10 @@
-"""What all tests share: the toy rig from outside the package, and where real logs may lie."""
+"""What all tests share: the toy rig from outside the package, the command line, where real logs may lie."""
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -25,29 +24,38 @@ def realdata() -> Path:
     return REALDATA
 
 
-@pytest.fixture(scope="session")
-def rigfit() -> Callable[..., subprocess.CompletedProcess[str]]:
-    """Run the command as a user does, in a folder of the test; returns the finished process."""
+@dataclass(frozen=True)
+class Answer:
+    """What a command left: exit status and the two streams."""
 
-    def call(*words: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-        path = os.pathsep.join([str(TOY_RIG), os.environ.get("PYTHONPATH", "")])
-        return subprocess.run(
-            [sys.executable, "-m", "pipeline.cli", *map(str, words)],
-            cwd=cwd,
-            env={**os.environ, "PYTHONPATH": path, **environment},
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def rigfit(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
+    """Call the command line in this process: ``rigfit("run", "mre.shear", log, "--out", folder)``."""
+    from pipeline.cli.main import main
+
+    def call(*words: object) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["rigfit", *map(str, words)])
+        status = 0
+        try:
+            main()
+        except SystemExit as stop:
+            status = int(stop.code or 0)
+        said = capsys.readouterr()
+        return Answer(status, said.out, said.err)
 
     return call
 
 
 @pytest.fixture
-def project(tmp_path: Path) -> Path:
-    """An empty project: no campaigns yet."""
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty project (no campaigns yet), which is the current folder."""
     (tmp_path / "params.yaml").write_text("# my campaigns\ncampaigns: []\nsynthetic: []\n")
     (tmp_path / "dvc.yaml").write_text((ROOT / "dvc.yaml").read_text())
     (tmp_path / "recipes").mkdir()
+    monkeypatch.chdir(tmp_path)
     return tmp_path

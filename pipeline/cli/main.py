@@ -17,21 +17,22 @@ from pipeline import __version__
 PATH = click.Path(path_type=Path)
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96})
 @click.version_option(__version__, prog_name="rigfit")
 def rigfit() -> None:
     """From logs of mechanical test rigs to identified parameters with honest intervals, and a report.
 
     \b
-    Ad hoc:      rigfit check LOG...          what a log holds, and what is wrong with it
-                 rigfit run EXPERIMENT LOG... --out DIR
-    In a project: rigfit new EXPERIMENT CAMPAIGN, drop logs into datasets/CAMPAIGN/, dvc repro
+    Ad hoc:        rigfit check LOG...
+                   rigfit run EXPERIMENT LOG... --out DIR
+    In a project:  rigfit new EXPERIMENT CAMPAIGN
+                   drop logs into datasets/CAMPAIGN/, then run: dvc repro
     """
 
 
 @rigfit.command("list")
 def list_() -> None:
-    """List the experiments that rigfit knows and the campaigns of this project."""
+    """List experiments, and the campaigns of this project."""
     from pipeline.cli import listing
 
     listing.show(Path.cwd())
@@ -42,8 +43,9 @@ def list_() -> None:
 @click.argument("campaign")
 @click.option("--title", default="", help="Title of the report; the campaign's name by default.")
 def new(experiment: str, campaign: str, title: str) -> None:
-    """Make a campaign: its recipe, its folder for logs, its place in params.yaml.
+    """Make a campaign.
 
+    Writes its recipe, makes its folder for logs, and lists it in params.yaml.
     Example: rigfit new mre.shear sample-b
     """
     from pipeline.campaign.project import Project
@@ -60,8 +62,9 @@ def new(experiment: str, campaign: str, title: str) -> None:
 @click.option("--experiment", "-e", help="Also check against what this experiment needs, as mre.shear.")
 @click.option("--recipe", "-r", type=PATH, help="Recipe that maps the logs' channels.")
 def check(logs: tuple[Path, ...], experiment: str | None, recipe: Path | None) -> None:
-    """Tell what logs hold (channels, units, rates, conditions, gaps, quality), without running anything.
+    """Tell what logs hold and what is wrong with them.
 
+    Shows channels, units, rates, conditions, gaps and quality; runs and writes nothing.
     The exit status is 2 where a log cannot be read, else 0.
     """
     from pipeline.cli import checking
@@ -81,7 +84,9 @@ def check(logs: tuple[Path, ...], experiment: str | None, recipe: Path | None) -
 def run(
     experiment: str, logs: tuple[Path, ...], out: Path, recipe: Path | None, runs: Path | None, uses: tuple[Path, ...]
 ) -> None:
-    """Identify and report logs ad hoc, without DVC and without registering anything.
+    """Identify and report logs ad hoc, without DVC.
+
+    Nothing is registered; everything is written into the folder of --out.
 
     \b
     Exit status: 0  findings written, verdict ok or warning
@@ -98,7 +103,10 @@ def run(
 @click.option("--out", type=PATH, help="Write there; CAMPAIGN may then be an experiment, as mre.shear.")
 @click.option("--seed", type=int, help="Another seed than the recipe's.")
 def synthesize(campaign: str, out: Path | None, seed: int | None) -> None:
-    """Write the logs of the synthetic rig of a campaign into datasets/CAMPAIGN/synthetic/."""
+    """Write the logs of a campaign's synthetic rig.
+
+    They go into datasets/CAMPAIGN/synthetic/, or into the folder of --out.
+    """
     from pipeline.cli import stages
 
     stages.synthesize(campaign, out, seed)
@@ -108,7 +116,10 @@ def synthesize(campaign: str, out: Path | None, seed: int | None) -> None:
 @click.argument("campaign")
 @click.option("--force", is_flag=True, help="Read every log again, also those that were read already.")
 def ingest(campaign: str, force: bool) -> None:
-    """Read the logs of a campaign into recordings/CAMPAIGN/; only new or changed logs are read."""
+    """Read the new logs of a campaign.
+
+    Recordings go into recordings/CAMPAIGN/; logs that were read already are not read again.
+    """
     from pipeline.cli import stages
 
     stages.ingest(campaign, force)
@@ -120,7 +131,9 @@ def ingest(campaign: str, force: bool) -> None:
     "--go-on", is_flag=True, help="Exit 0 for a rejected verdict as well, so that a chain goes on to the report."
 )
 def identify(campaign: str, go_on: bool) -> None:
-    """Identify a campaign from its recordings; write reports/CAMPAIGN/findings.json.
+    """Identify a campaign from its recordings.
+
+    Findings go into reports/CAMPAIGN/findings.json.
 
     Exit status as of 'rigfit run'.
     """
@@ -133,7 +146,10 @@ def identify(campaign: str, go_on: bool) -> None:
 @rigfit.command()
 @click.argument("campaign")
 def report(campaign: str) -> None:
-    """Render reports/CAMPAIGN/report.html from its findings."""
+    """Render the report of a campaign.
+
+    It goes into reports/CAMPAIGN/report.html; the numbers come from findings.json beside it.
+    """
     from pipeline.cli import stages
 
     stages.report(campaign)
@@ -142,7 +158,10 @@ def report(campaign: str) -> None:
 @rigfit.command()
 @click.option("--go-on", is_flag=True, help="Exit 0 also where a campaign is rejected.")
 def index(go_on: bool) -> None:
-    """Render reports/index.html over all campaigns; the exit status is 1 where one of them is rejected."""
+    """Render the index over all campaigns.
+
+    It goes into reports/index.html. The exit status is 1 where a campaign is rejected.
+    """
     from pipeline.cli import stages
 
     status = stages.index()
