@@ -1,0 +1,252 @@
+"""Messages by the megabyte: unpacks chunks, bounded, and finds the messages in them.
+
+Knows compression, check sums and record heads; not what a message says.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.ingest.mcap_log import records
+from pipeline.ingest.mcap_log.layout import Layout, Segment
+from pipeline.ingest.mcap_log.records import MESSAGE_HEAD, RECORD_HEAD
+
+COMPRESSIONS = ("zstd", "lz4", "")
+# Chunks are meant to hold about 1 MB. Beyond these a chunk is a mistake or an attack.
+LARGEST_CHUNK = 256 << 20
+LARGEST_RATIO = 1000
+_HARMLESS = 16 << 20
+# Plain numbers: this loop sees every message.
+_MESSAGE, _DEFINITIONS = records.MESSAGE, (records.SCHEMA, records.CHANNEL)
+# Small chunks are taken together up to this; it fits the processor's cache.
+_PORTION_BYTES = 1 << 20
+# Files up to this size stay unpacked in memory, for the topics to share.
+_KEPT_BYTES = 64 << 20
+
+
+class ChunkError(Exception):
+    """A chunk that cannot be used; the text tells why, as part of a sentence."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Messages that were read together, in file order.
+
+    `starts` and `ends` (m,) bound the payloads in `data`; `channels` (m,) are ids; `log_times` and
+    `publish_times` (m,) are ns, unsigned.
+    """
+
+    data: bytes
+    starts: np.ndarray
+    ends: np.ndarray
+    channels: np.ndarray
+    log_times: np.ndarray
+    publish_times: np.ndarray
+
+    def of(self, ids: Sequence[int]) -> np.ndarray:
+        """Return the positions of the messages of these channels, shape (k,)."""
+        if len(ids) == 1:
+            return np.flatnonzero(self.channels == ids[0])
+        return np.flatnonzero(np.isin(self.channels, ids))
+
+    def payloads(self, positions: np.ndarray) -> list[bytes]:
+        """Return the payloads of the messages at `positions`."""
+        data = self.data
+        bounds = zip(self.starts[positions].tolist(), self.ends[positions].tolist(), strict=True)
+        return [data[start:end] for start, end in bounds]
+
+
+@dataclass(frozen=True)
+class Loss:
+    """A chunk (`offset` in the file, times in ns) of which something could not be used.
+
+    `left_out`: nothing of it was used.
+    """
+
+    offset: int
+    start_time: int
+    end_time: int
+    reason: str
+    left_out: bool
+
+
+class Messages:
+    """The messages of a file, a portion (some segments) at a time."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self.losses: dict[int, Loss] = {}
+        self.portions = _portions(layout.segments)
+        self._keep = sum(segment.size for segment in layout.segments) <= _KEPT_BYTES
+        self._kept: dict[int, Batch] = {}
+
+    @property
+    def size(self) -> int:
+        """Bytes of all records, unpacked, as the file declares them."""
+        return sum(segment.size for segment in self.layout.segments)
+
+    def may_hold(self, portion: int, ids: Iterable[int]) -> bool:
+        """Tell whether a portion may hold messages of these channels."""
+        segments = self.portions[portion]
+        return any(segment.counts is None or any(i in segment.counts for i in ids) for segment in segments)
+
+    def batch(self, portion: int) -> Batch:
+        """Read one portion; what cannot be used is left out and told in `losses`.
+
+        Raises
+        ------
+        InputError
+            If the file can no longer be read.
+        """
+        if portion in self._kept:
+            return self._kept[portion]
+        parts = []
+        try:
+            with self.layout.path.open("rb") as file:
+                for segment in self.portions[portion]:
+                    file.seek(segment.offset)
+                    try:
+                        parts.append((segment, unpacked(segment, file.read(segment.length))))
+                    except ChunkError as error:
+                        self._lose(segment, str(error), left_out=True)
+        except OSError as error:
+            raise InputError(f"{self.layout.path}: cannot be read on ({error.strerror}).") from error
+        batch = self._indexed(parts)
+        if self._keep:
+            self._kept[portion] = batch
+        return batch
+
+    def _lose(self, segment: Segment, reason: str, left_out: bool) -> None:
+        start, end = (segment.chunk.start_time, segment.chunk.end_time) if segment.chunk is not None else (0, 0)
+        self.losses[segment.offset] = Loss(segment.offset, start, end, reason, left_out)
+
+    def _indexed(self, parts: list[tuple[Segment, bytes]]) -> Batch:
+        """Walk over the records of the segments and list the messages."""
+        data = parts[0][1] if len(parts) == 1 else b"".join([content for _, content in parts])
+        unpack = RECORD_HEAD.unpack_from
+        starts: list[int] = []
+        lengths: list[int] = []
+        add_start, add_length = starts.append, lengths.append
+        begin = 0
+        for segment, content in parts:
+            at, end = begin, begin + len(content)
+            last = end - RECORD_HEAD.size
+            while at <= last:
+                opcode, length = unpack(data, at)
+                if opcode == _MESSAGE:
+                    add_start(at)
+                    add_length(length)
+                elif opcode in _DEFINITIONS:
+                    self.layout.define(opcode, data[at + RECORD_HEAD.size : min(at + RECORD_HEAD.size + length, end)])
+                at += RECORD_HEAD.size + length
+            if starts and starts[-1] + RECORD_HEAD.size + lengths[-1] > end:
+                starts.pop()
+                lengths.pop()
+            if at != end and not segment.cut:
+                self._lose(segment, "its content ends within a record", left_out=False)
+            begin = end
+        return _batch(data, np.array(starts, dtype=np.int64), np.array(lengths, dtype=np.int64))
+
+
+def _batch(data: bytes, starts: np.ndarray, lengths: np.ndarray) -> Batch:
+    whole = lengths >= MESSAGE_HEAD
+    if not whole.all():
+        starts, lengths = starts[whole], lengths[whole]
+    body = starts + RECORD_HEAD.size
+
+    def field_at(offset: int, kind: str, size: int) -> np.ndarray:
+        if not starts.size:
+            return np.empty(0, kind)
+        # A view on numbers that start at every byte.
+        overlapping: np.ndarray = np.ndarray((len(data) - size + 1,), kind, data, 0, (1,))
+        return np.asarray(overlapping[body + offset])
+
+    return Batch(
+        data,
+        body + MESSAGE_HEAD,
+        body + lengths,
+        field_at(0, "<u2", 2),
+        field_at(6, "<u8", 8),
+        field_at(14, "<u8", 8),
+    )
+
+
+def _portions(segments: Sequence[Segment]) -> list[list[Segment]]:
+    portions: list[list[Segment]] = []
+    filled = _PORTION_BYTES
+    for segment in segments:
+        if filled + segment.size > _PORTION_BYTES:
+            portions.append([])
+            filled = 0
+        portions[-1].append(segment)
+        filled += segment.size
+    return portions
+
+
+def unpacked(segment: Segment, data: bytes) -> bytes:
+    """Return the records of a segment, of a cut chunk as many bytes as can be had.
+
+    Raises
+    ------
+    ChunkError
+        If the chunk is packed in an unknown way, is too large, is damaged, or fails its check sum.
+    """
+    chunk = segment.chunk
+    if chunk is None:
+        return data
+    if chunk.compression not in COMPRESSIONS:
+        known = ", ".join(name or "none" for name in COMPRESSIONS)
+        raise ChunkError(f"it is compressed with '{chunk.compression}'; known are {known}")
+    if chunk.size > LARGEST_CHUNK:
+        raise ChunkError(f"it says that it unpacks to {chunk.size} bytes; more than {LARGEST_CHUNK} are refused")
+    if chunk.size > _HARMLESS and chunk.size > LARGEST_RATIO * len(data):
+        raise ChunkError(
+            f"it says that {len(data)} bytes unpack to {chunk.size}, more than {LARGEST_RATIO} times as many; "
+            "that is refused"
+        )
+    content = data if chunk.compression == "" else _unpack(chunk.compression, data, chunk.size, segment.cut)
+    if segment.cut:
+        return content[: chunk.size]
+    if len(content) != chunk.size:
+        more = "more" if len(content) > chunk.size else f"{len(content)}"
+        raise ChunkError(f"it says that it unpacks to {chunk.size} bytes, but {more} came out")
+    if chunk.crc and zlib.crc32(content) != chunk.crc:
+        raise ChunkError("its check sum (CRC) is wrong")
+    return content
+
+
+def _unpack(compression: str, data: bytes, size: int, cut: bool) -> bytes:
+    """Unpack at most ``size + 1`` bytes."""
+    if compression == "zstd":
+        return _unpack_zstd(data, size, cut)
+    import lz4.frame
+
+    try:
+        content: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+    except (RuntimeError, EOFError, ValueError) as error:
+        raise ChunkError(f"its lz4 data are damaged ({error})") from error
+    return content
+
+
+def _unpack_zstd(data: bytes, size: int, cut: bool) -> bytes:
+    import zstandard
+
+    source = zstandard.ZstdDecompressor().stream_reader(data, read_across_frames=True)
+    if not cut:
+        try:
+            return source.read(size + 1)
+        except (zstandard.ZstdError, MemoryError) as error:
+            raise ChunkError(f"its zstd data are damaged ({error})") from error
+    content = bytearray()
+    try:
+        while len(content) <= size and (piece := source.read1(1 << 16)):
+            content += piece
+    except zstandard.ZstdError:
+        if not content:
+            raise ChunkError("too little of its zstd data is left to unpack any") from None
+    return bytes(content)

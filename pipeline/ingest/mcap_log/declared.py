@@ -1,0 +1,106 @@
+"""What a topic declares of its fields beside the messages: units and fixed lengths.
+
+Units come from the ``unit`` entry of a field's JSON Schema property, from ``@unit`` in IDL, else from
+the channel's metadata (``unit.<field>``). A vector's members have the vector's unit.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pipeline.ingest.mcap_log.columns import Path
+from pipeline.ingest.mcap_log.shapes import Field, channel_name
+
+_UNIT_PREFIX = "unit."
+_DEEPEST = 32
+
+
+@dataclass
+class Declared:
+    """Units and fixed list lengths by path, and the units that the channel's metadata give by name."""
+
+    units: dict[Path, str] = field(default_factory=dict)
+    lengths: dict[Path, int] = field(default_factory=dict)
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+    def unit(self, of: Field) -> str | None:
+        """Return the unit of a field: its own, else that of the field it is part of."""
+        if of.is_text:
+            return None
+        if of.is_stamp:
+            return "s"
+        path = of.paths[0]
+        for n in range(len(path), -1, -1):
+            if path[:n] in self.units:
+                return self.units[path[:n]]
+        names = [of.name] + [channel_name(path[:n]) for n in range(len(path), 0, -1)]
+        return next((self.metadata[_UNIT_PREFIX + n] for n in names if _UNIT_PREFIX + n in self.metadata), None)
+
+
+def is_unit_key(key: str) -> bool:
+    """Tell whether a key of a channel's metadata declares a unit."""
+    return key.startswith(_UNIT_PREFIX)
+
+
+def from_json_schema(text: bytes, metadata: Mapping[str, str]) -> Declared:
+    """Return what a JSON Schema declares; a schema that is no JSON declares nothing."""
+    declared = Declared(metadata=metadata)
+    try:
+        schema = json.loads(text)
+    except (ValueError, RecursionError):
+        return declared
+    if isinstance(schema, dict):
+        _visit(schema, schema, (), declared)
+    return declared
+
+
+def _visit(node: dict[str, Any], root: dict[str, Any], path: Path, declared: Declared) -> None:
+    if len(path) > _DEEPEST:
+        return
+    node = _resolved(node, root)
+    unit = node.get("unit", node.get("units"))
+    if isinstance(unit, str):
+        declared.units.setdefault(path, unit)
+    low, high = node.get("minItems"), node.get("maxItems")
+    if isinstance(low, int) and low == high:
+        declared.lengths.setdefault(path, low)
+    for key, member in _mapping(node.get("properties")).items():
+        if isinstance(member, dict):
+            _visit(member, root, (*path, key), declared)
+    if isinstance(node.get("items"), dict):
+        _visit(_items(node["items"], root), root, path, declared)
+    for choice in ("anyOf", "oneOf", "allOf"):
+        for member in node.get(choice) or ():
+            if isinstance(member, dict) and member is not root:
+                _visit_choice(member, root, path, declared)
+
+
+def _visit_choice(node: dict[str, Any], root: dict[str, Any], path: Path, declared: Declared) -> None:
+    """Look into one alternative; alternatives in alternatives are not followed."""
+    node = _resolved(node, root)
+    _visit({key: value for key, value in node.items() if key not in ("anyOf", "oneOf", "allOf")}, root, path, declared)
+
+
+def _items(node: dict[str, Any], root: dict[str, Any]) -> dict[str, Any]:
+    """Lists in lists share a path with their outer list, so its items' own lengths do not count."""
+    return {key: value for key, value in _resolved(node, root).items() if key not in ("minItems", "maxItems")}
+
+
+def _resolved(node: dict[str, Any], root: dict[str, Any]) -> dict[str, Any]:
+    """Follow ``$ref`` within the schema; what stands beside it counts too."""
+    for _ in range(_DEEPEST):
+        reference = node.get("$ref")
+        if not isinstance(reference, str) or not reference.startswith("#"):
+            return node
+        target: Any = root
+        for part in reference[1:].split("/")[1:]:
+            target = _mapping(target).get(part.replace("~1", "/").replace("~0", "~"))
+        node = {**_mapping(target), **{key: value for key, value in node.items() if key != "$ref"}}
+    return {}
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
