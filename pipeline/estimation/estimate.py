@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from pipeline.estimation.uncertainty import t_quantile
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -57,7 +59,7 @@ def estimate(
     >>> round(estimate("k", 10.0, 1.0).ci95[0], 2)
     8.04
     """
-    half = t95(dof) * std_error
+    half = t_quantile(dof) * std_error
     if logarithmic and value > 0:
         spread = math.exp(min(half / value, 700.0))
         interval = (value / spread, value * spread)
@@ -69,12 +71,3 @@ def estimate(
 def undetermined(name: str, reason: str, at: Mapping[str, float | str | bool] | None = None) -> Estimate:
     """Return an estimate without a value."""
     return Estimate(name, None, at=dict(at or {}), reason=reason)
-
-
-def t95(dof: float) -> float:
-    """Return the two-sided 95 % quantile of Student's t; 1.96 for many degrees of freedom."""
-    if not math.isfinite(dof) or dof > 1e4:
-        return 1.959963984540054
-    from scipy.special import stdtrit
-
-    return float(stdtrit(max(dof, 1.0), 0.975))

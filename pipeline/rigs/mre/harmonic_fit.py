@@ -5,15 +5,38 @@ Periodic runs only; records that are not periodic go through `time_fit`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.estimation.estimate import Estimate
-from pipeline.rigs.mre.loop import Loop
+from pipeline.estimation.estimate import Estimate, undetermined
+from pipeline.estimation.scatter import Scatter, estimate_scatter, gain_vectors, whitening
+from pipeline.estimation.selection import Candidate, rank
+from pipeline.estimation.separable import RowMap, SeparableFit, fit_separable, multi_start
+from pipeline.rigs.mre.dynamic_fit import DynamicFit, VariantFit
+from pipeline.rigs.mre.dynamic_model import LOWER, SCALE, SHAPE_NAMES, UPPER, HarmonicModel, Layout, start_points
+from pipeline.rigs.mre.fit_errors import (
+    PHYSICAL_BOUNDS,
+    Key,
+    errors_of_wrong_model,
+    errors_with_scatter,
+    estimates_of,
+    increment_of,
+    judge,
+)
+from pipeline.rigs.mre.loop import Loop, group_levels
 
 VARIANTS = ("ks", "ka", "km", "k", "ksa")
+# chi2/dof beyond which no run scatter explains the residual: the model is wrong.
+REJECTED_BEYOND = 2.0
+# Twice the log-likelihood that a run scatter must gain to be taken (one-sided 95 %).
+_SCATTER_RATIO = 2.71
+_PASSES = 3
+_NO_SCATTER = Scatter(0.0, 0.0, 0.0, 0.0, False, 0.0)
+_COLUMN_NAMES = {"u": "k1", "x": "k2", "w": "alpha_bw", "m": "moving_mass"}
+_FIELD_NAMES = {"x": "k_mr", "v": "s_mr", "u": increment_of("k1"), "w": increment_of("alpha_bw")}
 
 
 @dataclass(frozen=True)
@@ -21,7 +44,8 @@ class FitOptions:
     """How to fit.
 
     `force_lag` (s) is held when `fit_lag` is False; `moving_mass` (kg) is subtracted, `fit_mass` adds
-    its column. `scatter` allows a run-to-run gain scatter up to `scatter_cap`.
+    its column. `scatter` allows a run-to-run gain scatter up to `scatter_cap`. `current_tolerance` (A)
+    separates levels of the measured current.
     """
 
     variants: tuple[str, ...] = VARIANTS
@@ -32,101 +56,296 @@ class FitOptions:
     scatter: bool = True
     scatter_cap: float = 0.02
     current_tolerance: float = 0.25
-    starts: int = 8
+    starts: int = 6
     seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
-class DynamicFit:
-    """One variant of the dynamic model fitted to all loops.
-
-    Attributes
-    ----------
-    variant, levels, reference_current
-        Which field terms; the currents (A) with field terms of their own; the current whose field
-        terms are zero by definition (None: no current known).
-    estimates
-        `k1 s1 k2 alpha_bw rho c_bw n_bw tau force_lag run_scatter moving_mass`, `k_mr s_mr alpha_mr
-        k1_mr` at {"coil_current": ...} as the variant has them, and the sums `k1_plus_k2`,
-        `k2_plus_alpha_rho` (always there, with their own errors). Undetermined ones have no value.
-    names, values, covariance, correlation, condition
-        Of the free parameters, natural units, in one order; condition number of the column-scaled
-        Jacobian.
-    """
-
-    variant: str
-    loops: tuple[Loop, ...]
-    levels: tuple[float, ...]
-    reference_current: float | None
-    estimates: tuple[Estimate, ...]
-    names: tuple[str, ...]
-    values: np.ndarray
-    covariance: np.ndarray
-    correlation: np.ndarray
-    condition: float
-    chi2: float
-    dof: int
-    chi2_by_run: Mapping[str, float]
-    nrmse_by_run: Mapping[str, float]
-    rms_residual: float
-    nrmse: float
-    aicc: float
-    bic: float
-    n_data: int
-    n_parameters: int
-    run_scatter: float
-    scatter_at_cap: bool
-    rejected: bool
-    at_bound: tuple[str, ...]
-    undetermined: tuple[str, ...]
-    starts_agreeing: tuple[int, int]
-
-    def one(self, name: str, coil_current: float | None = None) -> Estimate:
-        """Return the estimate of that name (at that current); LookupError where there is none."""
-        raise NotImplementedError
-
-    def force(self, X: np.ndarray, frequency: float, current: float | None = None) -> np.ndarray:
-        """Return the modelled force harmonics (N_F,) for displacement harmonics X (m), lag included."""
-        raise NotImplementedError
-
-    def predicted(self, loop: Loop) -> np.ndarray:
-        """Return the modelled force harmonics (N_F,) of one of the loops (its own motion), lag included."""
-        raise NotImplementedError
-
-    def loop_at(self, amplitude: float, frequency: float, current: float | None = None) -> Mapping[str, float]:
-        """Return what `loop_metrics` names for a pure sine of that amplitude (m), no lag: model lines."""
-        raise NotImplementedError
-
-
-@dataclass(frozen=True, eq=False)
 class Identification:
-    """All variants fitted to the same loops; `selected` is the one with the smallest BIC."""
+    """All variants fitted to the same loops; `selected` is the one that BIC chooses."""
 
     selected: DynamicFit
-    variants: tuple[DynamicFit, ...]
+    variants: tuple[VariantFit, ...]
 
 
 def identify_loops(loops: Sequence[Loop], options: FitOptions | None = None) -> Identification:
-    """Fit every variant that the currents allow and choose by BIC; one loop is enough to be called."""
-    raise NotImplementedError
+    """Fit every variant that the currents allow and choose by BIC; one loop is enough to be called.
 
-
-def leave_one_out(fit: DynamicFit, options: FitOptions | None = None) -> LeaveOneOut:
-    """Refit without each run in turn."""
-    raise NotImplementedError
-
-
-@dataclass(frozen=True, eq=False)
-class LeaveOneOut:
-    """Fits without each run in turn.
-
-    `values` (runs, parameters) in the order of `DynamicFit.names`, NaN where that parameter needs the
-    run; `std_error` (parameters,) by the jackknife; `chi2_without` and `prediction_nrmse` by run (the
-    latter NaN where the rest cannot predict it); `cv_error` over all predictable runs.
+    Raises
+    ------
+    ValueError
+        If there is no loop, or fewer data than parameters.
     """
+    options = options or FitOptions()
+    if not loops:
+        raise ValueError("there is no loop to fit")
+    labels, levels = group_levels([loop.current for loop in loops], options.current_tolerance)
+    reference = int(np.argmin(np.abs(levels)))
+    loops = [_without_known_mass(loop, options) for loop in loops]
+    names = options.variants if len(levels) > 1 else ("base",)
+    models = [
+        _model(loops, Layout(name, tuple(labels), tuple(levels), reference, options.fit_mass), options)
+        for name in names
+    ]
+    starts = start_points(loops, options.starts, options.seed)
+    found = [_search(models[0], starts)]
+    found += [_search(model, [found[0][0].q]) for model in models[1:]]
+    variants, chosen = _compared(models, [fit for fit, _, _ in found], options)
+    if chosen != 0:  # so far the winner was only started from another variant's optimum
+        found[chosen] = _search(models[chosen], [found[chosen][0].q, *starts])
+        variants, chosen = _compared(models, [fit for fit, _, _ in found], options)
+    return Identification(_finished(models[chosen], *found[chosen], options), tuple(variants))
 
-    values: np.ndarray
-    std_error: np.ndarray
-    chi2_without: Mapping[str, float]
-    prediction_nrmse: Mapping[str, float]
-    cv_error: float
+
+def refit(fit: DynamicFit, loops: Sequence[Loop], options: FitOptions | None = None) -> DynamicFit:
+    """Fit the same variant to other loops of the same levels, from the same shape, with its run scatter.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer data than parameters.
+    """
+    options = options or FitOptions()
+    labels = tuple(fit.level_of(loop.current) for loop in loops)
+    model = _model(loops, replace(fit.layout, labels=labels), options)
+    found = _search(model, [np.r_[np.log(fit.values[:2]), fit.values[2 : model.n_shape]]])
+    return _finished(model, *found, options, held_scatter=fit.run_scatter)
+
+
+def _model(loops: Sequence[Loop], layout: Layout, options: FitOptions) -> HarmonicModel:
+    return HarmonicModel(loops, layout, None if options.fit_lag else options.force_lag)
+
+
+def _without_known_mass(loop: Loop, options: FitOptions) -> Loop:
+    """Take the inertia of a known moving mass out of the force (late by the given lag)."""
+    if options.moving_mass == 0:
+        return loop
+    angular = loop.omega * np.arange(1, loop.X.size + 1)
+    F = loop.F.copy()
+    F[: loop.X.size] += options.moving_mass * angular**2 * loop.X * np.exp(-1j * angular * options.force_lag)
+    return replace(loop, F=F)
+
+
+def _search(model: HarmonicModel, starts: Sequence[np.ndarray]) -> tuple[SeparableFit, int, int]:
+    """Fit by plain weighted least squares from every start: best fit, starts that agree, starts tried."""
+
+    def admissible(end: SeparableFit) -> bool:
+        return bool(np.all(end.c[:3] > 0)) and not set(_at_bound(model, end)) - PHYSICAL_BOUNDS.keys()
+
+    return multi_start(lambda q0: _solve(model, q0[: model.n_shape]), starts, admissible)
+
+
+def _solve(model: HarmonicModel, q0: np.ndarray, whiten: RowMap | None = None) -> SeparableFit:
+    n = model.n_shape
+    bounds = {"lower": LOWER[:n], "upper": UPPER[:n], "scale": SCALE[:n]}
+    return fit_separable(model, model.data, q0, **bounds, weights=model.weights, whiten=whiten, tolerance=1e-9)
+
+
+def _at_bound(model: HarmonicModel, fit: SeparableFit) -> dict[str, float]:
+    """Return the bound of every shape parameter that lies at one."""
+    n = model.n_shape
+    bounds = np.where(fit.q - LOWER[:n] < UPPER[:n] - fit.q, LOWER[:n], UPPER[:n])
+    bounds[:2] = np.exp(bounds[:2])
+    names = (*SHAPE_NAMES, "force_lag")
+    return {names[i]: float(bounds[i]) for i in np.flatnonzero(fit.at_bound)}
+
+
+def _compared(
+    models: Sequence[HarmonicModel], fits: Sequence[SeparableFit], options: FitOptions
+) -> tuple[list[VariantFit], int]:
+    """Compare variants by BIC, each with its own run scatter; return them and which is selected.
+
+    Where every variant is rejected the noise is not what the weights say, and misfit is counted in
+    units of the best chi2/dof.
+    """
+    scatters = []
+    for model, fit in zip(models, fits, strict=True):
+        V = gain_vectors(_weighted_data(model) - fit.residual, np.tile(model.run_of_row, 2))
+        scatters.append(estimate_scatter(fit.residual, V, fit.jacobian, cap=options.scatter_cap, restricted=False))
+    fitted = options.scatter and len(models[0].loops) > 1
+    deviances = [s.deviance if fitted else fit.chi2 for s, fit in zip(scatters, fits, strict=True)]
+    unit = min(d / max(fit.dof, 1) for d, fit in zip(deviances, fits, strict=True))
+    unit = unit if unit > REJECTED_BEYOND else 1.0
+    candidates = [
+        Candidate(model.layout.variant, deviance / unit, fit.residual.size, fit.jacobian.shape[1] + fitted, True)
+        for model, fit, deviance in zip(models, fits, deviances, strict=True)
+    ]
+    selected = next(entry.candidate for entry in rank(candidates) if entry.selected)
+    variants = []
+    for model, fit, candidate in zip(models, fits, candidates, strict=True):
+        misfit = _real(model.data) - _prediction(model, fit)
+        variants.append(
+            VariantFit(
+                variant=candidate.name,
+                n_parameters=fit.jacobian.shape[1],
+                n_data=candidate.n_data,
+                chi2=fit.chi2,
+                dof=fit.dof,
+                deviance=candidate.chi2,
+                aicc=candidate.aicc,
+                bic=candidate.bic,
+                rms_residual=_rms_force(misfit, len(model.loops)),
+                nrmse=_rms_force(misfit, 1) / _rms_force(_real(model.data), 1),
+            )
+        )
+    return variants, candidates.index(selected)
+
+
+def _finished(
+    model: HarmonicModel,
+    base: SeparableFit,
+    agreeing: int,
+    tried: int,
+    options: FitOptions,
+    held_scatter: float | None = None,
+) -> DynamicFit:
+    """Allow for run scatter, then turn the fit into parameters with errors."""
+    groups = np.tile(model.run_of_row, 2)
+    if options.scatter and len(model.loops) > 1:
+        scatter, fit, V = _with_scatter(model, base, groups, options.scatter_cap, held_scatter)
+    else:
+        scatter, fit, V = _NO_SCATTER, base, np.zeros((groups.size, 0))
+    factor = max(fit.chi2 / max(fit.dof, 1), 1.0)
+    rejected = factor > REJECTED_BEYOND and held_scatter is None
+    if rejected:
+        fit, scatter = base, replace(scatter, value=0.0)
+        factor = max(fit.chi2 / max(fit.dof, 1), 1.0)
+
+    keys, values, per_natural = _natural(model, fit)
+    jacobian = fit.jacobian * per_natural
+    bounds = _at_bound(model, fit)
+    held = np.array([key.name in bounds for key in keys])
+    if rejected:
+        errors = errors_of_wrong_model(jacobian, fit.residual, groups, fit.dof)
+    else:
+        errors = errors_with_scatter(jacobian, V, scatter, factor, held)
+    verdict = judge(keys, values, jacobian, factor)
+    reference = model.layout.levels[model.layout.reference]
+    estimates = (
+        *estimates_of(keys, values, errors, verdict, bounds, reference),
+        *((_scatter_estimate(scatter, rejected),) if options.scatter and len(model.loops) > 1 else ()),
+    )
+    sd = np.sqrt(np.diag(errors.covariance))
+    misfit = _real(model.data) - _prediction(model, fit)
+    raw = misfit * np.tile(model.weights, 2)
+    V_raw = gain_vectors(_weighted_data(model) - raw, groups)
+    runs = [loop.run for loop in model.loops]
+    square = scatter.value**2
+    gains = square * (V_raw.T @ raw) / (1 + square * (V_raw**2).sum(axis=0))
+    signal = _real(model.data)
+
+    def each_run(rows: np.ndarray) -> list[np.ndarray]:
+        return [rows[groups == i] for i in range(len(runs))]
+
+    return DynamicFit(
+        loops=model.loops,
+        layout=model.layout,
+        reference_current=None if all(loop.current is None for loop in model.loops) else reference,
+        estimates=estimates,
+        names=tuple(key.text for key in keys),
+        values=values,
+        held_lag=model.held_lag,
+        errors=errors,
+        correlation=errors.covariance / np.outer(sd, sd),
+        condition=verdict.condition,
+        statements=verdict.statements,
+        undetermined=verdict.undetermined,
+        at_bound=tuple(bounds),
+        inadmissible=tuple(
+            key.text
+            for key, value in zip(keys, values, strict=True)
+            if key.name in ("k1", "k2", "alpha_bw") and value < 0 and key.text not in verdict.undetermined
+        ),
+        chi2=fit.chi2,
+        dof=fit.dof,
+        chi2_by_run={run: float(r @ r) / r.size for run, r in zip(runs, each_run(raw), strict=True)},
+        gain_by_run=dict(zip(runs, gains.tolist(), strict=True)),
+        nrmse_by_run={
+            run: math.sqrt(float(m @ m) / float(f @ f))
+            for run, m, f in zip(runs, each_run(misfit), each_run(signal), strict=True)
+        },
+        rms_residual=_rms_force(misfit, len(runs)),
+        nrmse=_rms_force(misfit, 1) / _rms_force(signal, 1),
+        n_data=fit.residual.size,
+        scatter=scatter,
+        rejected=rejected,
+        starts_agreeing=(agreeing, tried),
+    )
+
+
+def _with_scatter(
+    model: HarmonicModel, base: SeparableFit, groups: np.ndarray, cap: float, held: float | None
+) -> tuple[Scatter, SeparableFit, np.ndarray]:
+    """Return the run scatter, the fit that allows for it, and its whitened gain vectors.
+
+    The gain vectors are the model's prediction, renewed in each pass; never the data (Peelle's puzzle).
+    """
+    fit, residual, jacobian = base, base.residual, base.jacobian
+    before = 0.0
+    for _ in range(_PASSES):
+        V = gain_vectors(_weighted_data(model) - residual, groups)
+        scatter = estimate_scatter(residual, V, jacobian, cap=cap)
+        if held is not None:
+            scatter = replace(scatter, value=held)
+        elif scatter.ratio < _SCATTER_RATIO:
+            scatter = replace(scatter, value=0.0)
+        if scatter.value == 0:
+            return scatter, base, V
+        whiten = whitening(V, scatter.value)
+        fit = _solve(model, fit.q, whiten)
+        A, dA = model(fit.q)
+        weights = np.tile(model.weights, 2)
+        jacobian = _real(np.hstack([(dA @ fit.c).T, A])) * weights[:, None]
+        residual = (_real(model.data) - _prediction(model, fit)) * weights
+        if abs(scatter.value - before) < 1e-3 * scatter.value:
+            break
+        before = scatter.value
+    return scatter, fit, whiten(V)
+
+
+def _natural(model: HarmonicModel, fit: SeparableFit) -> tuple[list[Key], np.ndarray, np.ndarray]:
+    """Return keys and values of all parameters, and d(search parameter)/d(natural one) per column."""
+    keys = [Key(name) for name in (*SHAPE_NAMES, "force_lag")[: model.n_shape]]
+    for term in model.layout.terms:
+        if term.level is None:
+            keys.append(Key(_COLUMN_NAMES[term.column]))
+        else:
+            keys.append(Key(_FIELD_NAMES[term.column], model.layout.levels[term.level]))
+    values = np.r_[np.exp(fit.q[:2]), fit.q[2:], fit.c]
+    slope = np.ones(values.size)
+    slope[:2] = 1 / values[:2]
+    return keys, values, slope
+
+
+def _scatter_estimate(scatter: Scatter, rejected: bool) -> Estimate:
+    name = "run_scatter"
+    if rejected:
+        return undetermined(name, "the residual is not a gain error of whole runs: the model does not hold")
+    if scatter.value == 0:
+        reason = "no scatter between runs beyond the noise; the upper limit is that of the likelihood"
+        return Estimate(name, 0.0, None, (0.0, scatter.upper), reason=reason)
+    from scipy.special import chdtri
+
+    dof = scatter.dof
+    low, high = (scatter.value * math.sqrt(dof / float(chdtri(dof, tail))) for tail in (0.025, 0.975))
+    sd = math.sqrt(scatter.variance_of_square) / (2 * scatter.value)
+    reason = "held at the largest gain error that is believed" if scatter.at_cap else ""
+    return Estimate(name, scatter.value, sd, (low, high), reason=reason, dof=dof)
+
+
+def _weighted_data(model: HarmonicModel) -> np.ndarray:
+    return _real(model.data * model.weights)
+
+
+def _prediction(model: HarmonicModel, fit: SeparableFit) -> np.ndarray:
+    return _real(model(fit.q)[0] @ fit.c)
+
+
+def _real(rows: np.ndarray) -> np.ndarray:
+    """Return complex rows as real ones, imaginary parts behind."""
+    return np.concatenate([rows.real, rows.imag])
+
+
+def _rms_force(rows: np.ndarray, runs: int) -> float:
+    """Return the rms over time of the force whose harmonics' parts are `rows`, averaged over `runs`."""
+    return math.sqrt(float(rows @ rows) / 2 / runs)
