@@ -7,9 +7,7 @@ from pathlib import Path
 
 from pipeline.campaign.recipe import Recipe
 from pipeline.ingest.delimited.writer import write_csv
-from pipeline.ingest.mcap_log.writer import write_mcap
-
-WRITERS = {"csv": write_csv, "mcap": write_mcap}
+from pipeline.ingest.mcap_log import writer as mcap_writer
 
 
 def synthesize(recipe: Recipe, folder: Path, seed: int) -> list[Path]:
@@ -24,7 +22,10 @@ def synthesize(recipe: Recipe, folder: Path, seed: int) -> list[Path]:
     for number, recording in enumerate(recordings):
         kind = formats[number % len(formats)]
         path = fresh / f"{recording.run}.{kind}"
-        WRITERS[kind](recording, path, units)
+        if kind == "csv":
+            write_csv(recording, path, units)
+        else:
+            mcap_writer.write(recording, path)
         names.append(path.name)
     shutil.rmtree(folder, ignore_errors=True)
     fresh.replace(folder)
