@@ -1,7 +1,7 @@
 """Messages turned into columns: values by field, whatever the encoding of the messages was.
 
 A field is named by its path from the message's top: ``("wrench", "force", "x")``. Lists of one
-message stay together (`Column.lengths`); what they mean is decided in `shapes`.
+message stay together (`Column.lengths`); what they mean is decided in `arrays`.
 """
 
 from __future__ import annotations

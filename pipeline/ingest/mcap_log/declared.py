@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pipeline.ingest.mcap_log.columns import Path
-from pipeline.ingest.mcap_log.shapes import Field, channel_name
+from pipeline.ingest.mcap_log.fields import Field, channel_name
 
 _UNIT_PREFIX = "unit."
 _DEEPEST = 32

@@ -16,8 +16,8 @@ from pipeline.errors import InputError, listing
 from pipeline.ingest.mcap_log import records
 from pipeline.ingest.mcap_log.batches import Messages
 from pipeline.ingest.mcap_log.declared import is_unit_key
+from pipeline.ingest.mcap_log.fields import Plan, plan
 from pipeline.ingest.mcap_log.layout import Layout, survey_layout
-from pipeline.ingest.mcap_log.shapes import Plan, plan
 from pipeline.ingest.mcap_log.table import TopicTable, loss_notes
 from pipeline.ingest.mcap_log.topics import SUPPORTED, Topic, raw_fields, survey
 from pipeline.ingest.reader import RawLog, Reader

@@ -28,17 +28,21 @@ class SampleClock:
         self._factor: float | None = None
         self._last_carried: float | None = None
 
-    def from_stamps(self, stamps: np.ndarray, counts: np.ndarray, following: float | None) -> np.ndarray:
+    def from_stamps(
+        self, stamps: np.ndarray, counts: np.ndarray, following: float | None, declared: float | None = None
+    ) -> np.ndarray:
         """Return the times (s) of all samples, shape (sum(counts),).
 
         `stamps` (m,) are the messages' times in s, `counts` (m,) their samples, `following` the time
-        of the next message after them, None after the last.
+        of the next message after them, None after the last. `declared` is the step (s) that messages
+        declare; it serves where no stamps tell one.
         """
         until = np.append(stamps[1:], np.nan if following is None else following)
         with np.errstate(divide="ignore", invalid="ignore"):
             steps = (until - stamps) / counts
         usable = np.isfinite(steps) & (steps > 0)
         usual = float(np.median(steps[usable])) if usable.any() else self._step
+        usual = declared if usual is None else usual
         if usual is None:
             self.single = bool(counts.max(initial=0) > 1)
             usual = np.nan if self.single else 0.0

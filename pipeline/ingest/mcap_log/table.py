@@ -10,8 +10,8 @@ import numpy as np
 from pipeline.ingest.mcap_log import columns as cols
 from pipeline.ingest.mcap_log.batches import Messages
 from pipeline.ingest.mcap_log.columns import Columns, Path, TooManyFieldsError
+from pipeline.ingest.mcap_log.fields import Field, Plan, channel_name, declared_step, sample_counts, values_of
 from pipeline.ingest.mcap_log.sample_times import SampleClock
-from pipeline.ingest.mcap_log.shapes import Field, Plan, channel_name, sample_counts, values_of
 from pipeline.ingest.mcap_log.topics import Topic
 from pipeline.ingest.reader import BLOCK_ROWS, RawChannel, RawTable
 from pipeline.recording import Level, QualityFinding
@@ -71,7 +71,9 @@ class TopicTable(RawTable):
     def _wanted(self, fields: Sequence[Field]) -> set[Path]:
         """Return the paths to decode, with all their beginnings; the blocks' lengths are always needed."""
         needed = [path for field in fields for path in field.paths]
-        needed += [path for field in self._plan.fields if field.is_sample for path in field.paths]
+        needed += [
+            path for field in self._plan.fields if field.is_sample or field is self._plan.step for path in field.paths
+        ]
         return {path[:n] for path in needed for n in range(len(path) + 1)} | {()}
 
     def _rows(self, fields: Sequence[Field], with_time: bool, wanted: set[Path] | None) -> Iterator[Rows]:
@@ -154,7 +156,8 @@ class TopicTable(RawTable):
         if counts is None:
             return stamps
         if self._plan.times is None:
-            return self._sample_clock.from_stamps(stamps, counts, following)
+            step = declared_step(self._plan, columns)
+            return self._sample_clock.from_stamps(stamps, counts, following, step)
         carried = Field(channel_name(self._plan.times), (self._plan.times,), is_sample=True)
         values, _ = cols.numbers(values_of(carried, columns, counts, stamps.size))
         return self._sample_clock.from_carried(stamps, counts, values)

@@ -11,15 +11,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.errors import listing
-from pipeline.ingest.mcap_log import json_messages, ros_types
 from pipeline.ingest.mcap_log.batches import Messages
 from pipeline.ingest.mcap_log.columns import Columns, Path, TooManyFieldsError
 from pipeline.ingest.mcap_log.declared import Declared, from_json_schema
-from pipeline.ingest.mcap_log.idl import parse_idl
-from pipeline.ingest.mcap_log.protobuf_messages import ProtobufDecoder
+from pipeline.ingest.mcap_log.encodings import json_messages, ros_types
+from pipeline.ingest.mcap_log.encodings.idl import parse_idl
+from pipeline.ingest.mcap_log.encodings.protobuf_messages import ProtobufDecoder
+from pipeline.ingest.mcap_log.encodings.ros_messages import RosDecoder
+from pipeline.ingest.mcap_log.encodings.ros_types import DefinitionError, Struct
 from pipeline.ingest.mcap_log.records import Channel, Schema
-from pipeline.ingest.mcap_log.ros_messages import RosDecoder
-from pipeline.ingest.mcap_log.ros_types import DefinitionError, Struct
 
 SUPPORTED = "json, cdr (ros2msg, ros2idl, omgidl), ros1 (ros1msg), protobuf"
 # Of a larger file than this, only samples of its messages are looked at before reading.

@@ -58,7 +58,7 @@ def write(
         feeds = []
         for stream in recording.streams.values():
             in_blocks = samples_per_message > 1
-            with_times = in_blocks and not _is_uniform(stream.time)
+            with_times = in_blocks and (stream.time.size <= samples_per_message or not _is_uniform(stream.time))
             schema = orjson.dumps(_schema(stream, in_blocks, with_times))
             schema_id = writer.register_schema(stream.name or "samples", "jsonschema", schema)
             channel_id = writer.register_channel(f"/{stream.name or 'samples'}", "json", schema_id)

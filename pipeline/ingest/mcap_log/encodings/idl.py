@@ -8,7 +8,15 @@ from __future__ import annotations
 
 import re
 
-from pipeline.ingest.mcap_log.ros_types import DefinitionError, Many, Primitive, Struct, Text, Type, array_length
+from pipeline.ingest.mcap_log.encodings.ros_types import (
+    DefinitionError,
+    Many,
+    Primitive,
+    Struct,
+    Text,
+    Type,
+    array_length,
+)
 
 _PRIMITIVES = {
     "boolean": "?", "octet": "u1", "char": "u1", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.ingest.mcap_log.columns import Columns, Path, columns_of
+from pipeline.ingest.mcap_log.encodings.ros_types import DefinitionError
 from pipeline.ingest.mcap_log.records import Schema
-from pipeline.ingest.mcap_log.ros_types import DefinitionError
 
 _BYTES, _MESSAGE = 12, 10  # google.protobuf.descriptor.FieldDescriptor.TYPE_BYTES, CPPTYPE_MESSAGE
 

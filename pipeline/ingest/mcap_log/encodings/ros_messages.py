@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.ingest.mcap_log.columns import Column, Columns, Path
-from pipeline.ingest.mcap_log.ros_types import Many, Primitive, Struct, Text, Type
+from pipeline.ingest.mcap_log.encodings.ros_types import Many, Primitive, Struct, Text, Type
 
 # Encapsulation kinds of CDR (OMG DDS-XTypes 1.3, table 60): plain CDR and plain CDR2.
 _CDR, _CDR2 = (0, 1), (6, 7)

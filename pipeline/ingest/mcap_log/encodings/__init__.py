@@ -1,0 +1,1 @@
+"""Payloads to columns, one module an encoding; each offers ``decode(payloads, wanted)``."""
