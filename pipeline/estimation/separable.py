@@ -209,7 +209,7 @@ class _Projected:
             values = values * self.weights.reshape(-1, *[1] * (values.ndim - 1))
         if np.iscomplexobj(values):
             values = np.concatenate([values.real, values.imag])
-        return values if self.whiten is None else self.whiten(values)
+        return np.asarray(values if self.whiten is None else self.whiten(values))
 
     def _solve(self, q: np.ndarray) -> None:
         """Compute columns, basis of their range, coefficients and residual at q, once."""
@@ -232,7 +232,7 @@ class _Projected:
     def reduced_jacobian(self, q: np.ndarray) -> np.ndarray:
         self._solve(q)
         slopes = (self.dA @ self.c).T
-        return self.basis @ (self.basis.T @ slopes) - slopes
+        return np.asarray(self.basis @ (self.basis.T @ slopes) - slopes)
 
     def result(self, q: np.ndarray, at_bound: np.ndarray, converged: bool) -> SeparableFit:
         self._solve(q)

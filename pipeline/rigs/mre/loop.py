@@ -16,7 +16,7 @@ from pipeline.estimation.harmonic import HarmonicFit, fit_harmonics, fundamental
 
 N_X, N_F = 5, 15  # harmonics of displacement and of force
 _LINES_BELOW = 3  # multiples of the mains frequency that are fitted beside the harmonics
-_BINS = 100  # periodogram bins averaged for the noise level at one harmonic
+_BINS = 200  # periodogram bins averaged for the noise level at one harmonic
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,6 +243,8 @@ def loop_metrics(
     lag_turn = 1j * np.arange(1, N_F + 1) * loop.omega
     F = loop.F * np.exp(lag_turn * force_lag)
     dF = lag_turn * F  # per second of lag
+    # A harmonic on the mains frequency may be all hum: it is as uncertain as it is large.
+    sd_f = np.where(loop.kept, loop.sd_f, np.maximum(loop.sd_f, np.abs(loop.F) / math.sqrt(2)))
     X, X_1, F_1 = loop.X, loop.X[0], F[0]
     orders = np.arange(1, N_X + 1)
 
@@ -253,10 +255,11 @@ def loop_metrics(
     area = math.pi * float((orders * (F[:N_X] * np.conj(X)).imag).sum())
     damping = area / (math.pi * loop.omega * abs(X_1) ** 2)
 
-    def error(slope_x: np.ndarray, slope_f: np.ndarray, scaled: float) -> tuple[float, float]:
+    def error(slopes: tuple[np.ndarray, np.ndarray], scaled: float) -> tuple[float, float]:
         # A slope holds d/dRe + j d/dIm, so that d(value) = Re(conj(slope) d(coefficient)).
-        noise = float((np.abs(slope_x) ** 2 * loop.sd_x**2).sum() + (np.abs(slope_f) ** 2 * loop.sd_f**2).sum())
-        noise += ((np.conj(slope_f) * dF).real.sum() * force_lag_sd) ** 2
+        slope_x, slope_f = slopes
+        noise = float((np.abs(slope_x) ** 2 * loop.sd_x**2).sum() + (np.abs(slope_f) ** 2 * sd_f**2).sum())
+        noise += float((np.conj(slope_f) * dF).real.sum() * force_lag_sd) ** 2
         scatter = (scaled * run_scatter) ** 2
         total = noise + scatter
         dof = scatter_dof * (total / scatter) ** 2 if scatter > 0 else math.inf
@@ -275,21 +278,25 @@ def loop_metrics(
     per_area = 1 / (math.pi * loop.omega * abs(X_1) ** 2)
     damping_x = area_x * per_area - 2 * damping * X_1 / abs(X_1) ** 2 * first_x
     ratio = loss / storage
-    ratio_slopes = tuple((b - ratio * a) / storage for a, b in zip(storage_slopes, loss_slopes, strict=True))
-
-    rows: list[tuple[str, float, tuple[float, float]]] = [
-        ("stiffness_secant", F_max / x_max, error(-F_max / x_max**2 * x_slope, F_slope / x_max, F_max / x_max)),
-        ("stiffness_storage", storage, error(*storage_slopes, storage)),
-        ("damping", damping, error(damping_x, area_f * per_area, damping)),
-        ("loss_factor", ratio, error(ratio_slopes[0], ratio_slopes[1], 0.0)),
-        ("loop_area", area, error(area_x, area_f, area)),
-        ("amplitude", x_max, error(x_slope, none_f, 0.0)),
-        ("force_amplitude", F_max, error(none_x, F_slope, F_max)),
+    ratio_slopes = (
+        (loss_slopes[0] - ratio * storage_slopes[0]) / storage,
+        (loss_slopes[1] - ratio * storage_slopes[1]) / storage,
+    )
+    secant = F_max / x_max
+    rows = [
+        ("stiffness_secant", secant, error((-secant / x_max * x_slope, F_slope / x_max), secant)),
+        ("stiffness_storage", storage, error(storage_slopes, storage)),
+        ("damping", damping, error((damping_x, area_f * per_area), damping)),
+        ("loss_factor", ratio, error(ratio_slopes, 0.0)),
+        ("loop_area", area, error((area_x, area_f), area)),
+        ("amplitude", x_max, error((x_slope, none_f), 0.0)),
+        ("force_amplitude", F_max, error((none_x, F_slope), F_max)),
     ]
     if pads is not None:
         g = pads.modulus_per_stiffness
-        rows.append(("shear_modulus_storage", storage * g, error(*(g * s for s in storage_slopes), storage * g)))
-        rows.append(("shear_modulus_loss", loss * g, error(*(g * s for s in loss_slopes), loss * g)))
+        moduli = (("storage", storage, storage_slopes), ("loss", loss, loss_slopes))
+        for name, value, (slope_x, slope_f) in moduli:
+            rows.append((f"shear_modulus_{name}", value * g, error((g * slope_x, g * slope_f), value * g)))
     return [estimate(name, float(value), sd, dof=dof, at={"run": loop.run}) for name, value, (sd, dof) in rows]
 
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pipeline.errors import InputError, listing, nearest
 from pipeline.recording import Channel, Condition, Recording, Stream
+
+if TYPE_CHECKING:
+    from pipeline.rigs.mre.loop import Loop
 
 _OVERSAMPLING = 10
 _WARM_UP_CYCLES = 5
@@ -119,7 +122,7 @@ def shear_truth(overrides: Mapping[str, Any]) -> ShearTruth:
                 f"the synthetic MRE rig has no parameter '{name}'.{nearest(name, known)} It has {listing(known, 60)}."
             )
     tables = {"k_mr", "s_mr", "alpha_mr", "preload_k_mr"}
-    given = {
+    given: dict[str, Any] = {
         k: {float(i): float(v) for i, v in dict(value).items()} if k in tables else value
         for k, value in overrides.items()
     }
@@ -163,23 +166,39 @@ def true_force(truth: ShearTruth, run: ShearRun, X: np.ndarray, orders: int = 15
     return F
 
 
+def true_motion(truth: ShearTruth, run: ShearRun) -> np.ndarray:
+    """Return the displacement harmonics of a run, shape (5,), m: the sine and its two small harmonics."""
+    parts = [1.0, truth.second_harmonic * np.exp(0.7j), truth.third_harmonic * np.exp(0.3j), 0.0, 0.0]
+    return run.amplitude * -1j * np.array(parts)
+
+
+def true_loop(truth: ShearTruth, run: ShearRun, frequency: float | None = None) -> Loop:
+    """Return the loop of a run as it is, without noise and lag, at its nominal or a given frequency (Hz)."""
+    from pipeline.rigs.mre.loop import N_F, N_X, Loop
+
+    run = run if frequency is None else replace(run, frequency=frequency)
+    X = true_motion(truth, run)
+    F = true_force(truth, run, X, N_F)
+    quiet_x, quiet_f = np.zeros(N_X), np.zeros(N_F)
+    kept = np.ones(N_F, dtype=bool)
+    return Loop(
+        run.name, run.frequency, X, F, quiet_x, quiet_f, kept, 0.0, 0.0, 0.0, 0.0, 0, 0.0, run.current, run.preload
+    )
+
+
 def amplitude_for_force(
     truth: ShearTruth, force: float, frequency: float, current: float, preload: float = 200.0
 ) -> float:
-    """Return the amplitude (m) of a pure sine whose steady force has half peak-to-peak `force` (N)."""
+    """Return the amplitude (m) at which the steady force has half peak-to-peak `force` (N)."""
     from scipy.optimize import brentq
 
     from pipeline.rigs.mre.loop import half_range
 
-    run = ShearRun("", "", frequency, 0.0, current, preload)
-    return float(
-        brentq(
-            lambda X: half_range(true_force(truth, run, np.array([X + 0j]), points=1024)) - force,
-            1e-6,
-            1e-2,
-            xtol=1e-12,
-        )
-    )
+    def excess(X: float) -> float:
+        run = ShearRun("", "", frequency, X, current, preload)
+        return half_range(true_force(truth, run, true_motion(truth, run), points=1024)) - force
+
+    return float(brentq(excess, 1e-6, 1e-2, xtol=1e-12))
 
 
 def synthesize_shear(truth: Mapping[str, Any], seed: int) -> list[Recording]:
