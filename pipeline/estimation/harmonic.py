@@ -274,18 +274,21 @@ def _refined(time: np.ndarray, values: np.ndarray, value: float, order: int, ord
 def _noise_near(time: np.ndarray, fit: HarmonicFit, order: int) -> float:
     """Return the sd of white noise as strong as the residual is beside the line of that order.
 
-    Mean of the periodogram 2 to 13 lines of 1/T away, between the harmonics; where none is left, in
-    very short records, the residual's sd widened by its autocorrelation.
+    Mean of the periodogram 2 to 21 lines of 1/T away, between the harmonics; the residual's sd where
+    that mean does not differ from it. In very short records no line is left between the harmonics:
+    there the sd is widened by the autocorrelation.
     """
     resolution = 1 / (fit.span[1] - fit.span[0])
-    away = np.r_[-13:-1, 2:14] * resolution + order * fit.frequency
+    away = np.r_[-21:-1, 2:22] * resolution + order * fit.frequency
     distance = np.abs(away[:, None] - np.r_[0, fit.orders * fit.frequency]).min(axis=1)
     half_rate = 0.5 / np.median(np.diff(time))
     beside = away[(away > 0.75 * resolution) & (away < half_rate) & (distance > 1.25 * resolution)]
     if beside.size < 6:
         return fit.sigma / float(np.sqrt(fit.effective_fraction))
-    power = [abs(np.exp(-2j * np.pi * f * time) @ fit.residual) ** 2 / time.size for f in beside]
-    return float(np.sqrt(np.mean(power)))
+    power = np.mean([abs(np.exp(-2j * np.pi * f * time) @ fit.residual) ** 2 / time.size for f in beside])
+    if fit.sigma > 0 and abs(np.log(power / fit.sigma**2)) < 2.5 / np.sqrt(beside.size):
+        return fit.sigma
+    return float(np.sqrt(power))
 
 
 def _scaled(time: np.ndarray, span: tuple[float, float]) -> np.ndarray:
@@ -330,7 +333,8 @@ class _Regression:
         for rows, columns in self.blocks():
             gram += columns @ columns.T
             product += columns @ values[rows]
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        # A column that vanishes at all samples (a sine at half the rate) must not be blown up.
+        scale = np.sqrt(np.maximum(np.diag(gram), 1e-12 * time.size))
         eigenvalues, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
         if not eigenvalues[0] > 1e-11 * eigenvalues[-1]:
             cycles = frequency * (span[1] - span[0])
