@@ -1,35 +1,30 @@
 """The reader of MATLAB files up to version 7 (MAT v5, v4): vectors are channels, scalars conditions.
 
 Vectors of one length share a table, with the time vector of that length; structs give dotted names.
-Files of version 7.3 are HDF5 and are refused. The file gives no units. It is read whole, as MATLAB does.
+Files of version 7.3 are HDF5 and are refused. MAT files give no units. They are read whole, with a
+parser of our own: scipy's ends the process on some damaged files, and is slow to import.
 """
 
 from __future__ import annotations
 
 import re
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pipeline.errors import InputError, listing
+from pipeline.ingest.matlab import mat4, mat5
+from pipeline.ingest.matlab.values import BrokenFileError, Struct, Unread, Value
 from pipeline.ingest.reader import BLOCK_ROWS, RawChannel, RawLog, RawTable, Reader
 from pipeline.recording import QualityFinding
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_HEADER = 128
-_COMPRESSED = 15
-# Deflate packs at most 1032 to 1, so a smaller file than this limit / 1032 cannot burst memory.
-_LARGEST = 2 << 30
-_LARGEST_RATIO = 1032
 _MOST_COLUMNS = 64
 _MOST_ELEMENTS = 64
 # Shorter vectors beside longer ones are parameters, not signals.
 _SHORTEST_SIGNAL = 8
-_DEEPEST = 16
 _TIMES = re.compile(
     r"^(t|time|times|tout|tsim|t_?(s|sec|ms)|time_?(s|sec|ms|stamp|vector)|timestamps?|zeit|temps|tiempo)$"
 )
@@ -98,13 +93,12 @@ class MatlabReader(Reader):
         """
         try:
             head = _checked_head(path)
-            _check_unpacked_size(path)
-            variables = _load(path)
+            variables = _load(path, head)
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror or error}).") from error
         contents = _Contents()
         for name, value in variables.items():
-            _sort(contents, name, value, 0)
+            _sort(contents, name, value)
         tables = _tables(contents)
         if not tables:
             found = listing([*contents.metadata, *contents.left_out]) if variables else "nothing"
@@ -119,7 +113,7 @@ class MatlabReader(Reader):
 
 def _checked_head(path: Path) -> bytes:
     with path.open("rb") as file:
-        head = file.read(_HEADER + 512 + len(_HDF5))
+        head = file.read(1024)
     if not head:
         raise InputError(f"{path}: the file is empty (0 bytes). Save it again.")
     if head.startswith((b"MATLAB 7.3", _HDF5)) or _HDF5 in (head[512 : 512 + len(_HDF5)],):
@@ -133,124 +127,63 @@ def _checked_head(path: Path) -> bytes:
     return head
 
 
-def _check_unpacked_size(path: Path) -> None:
-    """Refuse a file that unpacks to more than fits in memory, without keeping what comes out."""
-    if path.stat().st_size * _LARGEST_RATIO <= _LARGEST:
-        return
-    total = 0
+def _load(path: Path, head: bytes) -> dict[str, Value]:
     with path.open("rb") as file:
-        header = file.read(_HEADER)
-        if not header.startswith(b"MATLAB 5"):
-            return
-        order = "big" if header[126:128] == b"MI" else "little"
-        while len(tag := file.read(8)) == 8:
-            kind = int.from_bytes(tag[:4], order)  # type: ignore[arg-type]
-            length = int.from_bytes(tag[4:], order)  # type: ignore[arg-type]
-            if kind != _COMPRESSED:
-                total += length
-                file.seek(length, 1)
-                continue
-            unpack = zlib.decompressobj()
-            while length > 0 and total <= _LARGEST and (piece := file.read(min(length, 1 << 16))):
-                length -= len(piece)
-                while piece and total <= _LARGEST:
-                    try:
-                        total += len(unpack.decompress(piece, 1 << 24))
-                    except zlib.error:
-                        return  # loading will tell
-                    piece = unpack.unconsumed_tail
-            if total > _LARGEST:
-                raise InputError(
-                    f"{path}: its {path.stat().st_size} bytes unpack to more than {_LARGEST >> 30} GiB, which is "
-                    "refused. Save fewer variables, or export the signals as CSV."
-                )
-
-
-def _load(path: Path) -> dict[str, Any]:
-    import warnings
-
-    import scipy.io
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+        size = file.seek(0, 2)
+        file.seek(0)
         try:
-            found = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=False, appendmat=False)
-        except OSError:
-            raise
-        except Exception as error:  # scipy's parser raises whatever it stumbles over in a broken file
-            why = " ".join(str(error).split()) or type(error).__name__
+            if head.startswith(b"MATLAB 5") or head[124:128] in (b"\0\x01IM", b"\x01\0MI"):
+                return dict(mat5.variables(file, size))
+            if mat4.is_mat4(head):
+                return dict(mat4.variables(file, size))
+        except BrokenFileError as error:
             raise InputError(
-                f"{path}: this is no MAT file, or it is broken or cut off ({why}). Copy it again, or save it in "
-                f"MATLAB with save('{path.name}', '-v7')."
+                f"{path}: this MAT file is broken or was cut off: {error}. Copy it again, or save it in MATLAB with "
+                f"save('{path.name}', '-v7')."
             ) from error
-    return {name: value for name, value in found.items() if not name.startswith("__")}
+    raise InputError(
+        f"{path}: this is no MAT file: it begins with {head[:8]!r}. If it holds another kind of log, give it that "
+        "kind's suffix (.csv, .mcap)."
+    )
 
 
-def _sort(contents: _Contents, name: str, value: Any, depth: int) -> None:
+def _sort(contents: _Contents, name: str, value: Value) -> None:
     """Put one variable, or field of a struct, where it belongs."""
-    if depth > _DEEPEST:
-        contents.left_out.append(f"{name} (structs within structs without end)")
-    elif hasattr(value, "_fieldnames"):
-        _sort_struct(contents, name, value, depth)
-    elif not isinstance(value, np.ndarray):
-        contents.left_out.append(f"{name} (a sparse matrix)" if hasattr(value, "nnz") else f"{name} (not data)")
-    elif type(value).__name__ in ("MatlabOpaque", "MatlabFunction", "MatlabObject"):
-        contents.left_out.append(
-            f"{name} (an object of a MATLAB class; save timeseries and tables as structs or plain vectors)"
-        )
-    elif value.dtype.kind in "US":
-        _sort_text(contents, name, value)
-    elif value.dtype == object:
-        _sort_objects(contents, name, value, depth)
-    elif value.dtype.kind in "biufc":
+    if isinstance(value, Unread):
+        contents.left_out.append(f"{name} ({value.kind})")
+    elif isinstance(value, str):
+        contents.metadata[name] = value
+    elif isinstance(value, np.ndarray):
         _sort_numbers(contents, name, value)
+    elif len(value.elements) == 1:
+        _sort_struct(contents, name, value.elements[0])
+    elif value.elements and all(_is_scalar(content) for members in value.elements for content in members.values()):
+        for member in value.names:
+            column = [float(np.asarray(members[member]).item()) for members in value.elements]
+            _sort_numbers(contents, f"{name}.{member}", np.array(column))
+    elif 0 < len(value.elements) <= _MOST_ELEMENTS:
+        for i, members in enumerate(value.elements, start=1):
+            _sort_struct(contents, f"{name}.{i}", members)
     else:
-        contents.left_out.append(f"{name} (of the kind {value.dtype})")
+        contents.left_out.append(f"{name} (an array of {len(value.elements)} structs)")
 
 
-def _sort_text(contents: _Contents, name: str, value: np.ndarray) -> None:
-    if value.size == 1:
-        contents.metadata[name] = str(value.flat[0])
-    elif value.size:
-        contents.left_out.append(f"{name} (a table of letters)")
+def _is_scalar(value: Value) -> bool:
+    return isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind != "c"
 
 
-def _sort_objects(contents: _Contents, name: str, value: np.ndarray, depth: int) -> None:
-    """Sort a struct array, or leave out a cell array."""
-    items = list(value.flat)
-    if not items or not all(hasattr(item, "_fieldnames") for item in items):
-        contents.left_out.append(f"{name} (a cell array)")
-    elif len(items) == 1:
-        _sort(contents, name, items[0], depth + 1)
-    elif all(
-        np.size(getattr(item, f)) == 1 and _is_number(getattr(item, f)) for item in items for f in items[0]._fieldnames
-    ):
-        for member in items[0]._fieldnames:
-            _sort_numbers(contents, f"{name}.{member}", np.array([getattr(i, member).flat[0] for i in items]))
-    elif len(items) > _MOST_ELEMENTS:
-        contents.left_out.append(f"{name} (an array of {len(items)} structs)")
-    else:
-        for i, item in enumerate(items, start=1):
-            _sort(contents, f"{name}.{i}", item, depth + 1)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
-
-
-def _sort_struct(contents: _Contents, name: str, value: Any, depth: int) -> None:
-    members = {member: getattr(value, member) for member in value._fieldnames}
-    if {"time", "signals"} <= set(members):
-        _sort(contents, f"{name}.time", members.pop("time"), depth + 1)
-        signals = members.pop("signals")
-        items = [item for item in signals.flat if hasattr(item, "_fieldnames")] if np.size(signals) else []
-        for i, item in enumerate(items, start=1):
-            label = getattr(item, "label", np.empty(0))
-            words = str(label.flat[0]).strip() if np.size(label) == 1 and label.dtype.kind == "U" else ""
-            place = "signals" if len(items) == 1 else f"signals.{i}"
-            _sort(contents, f"{name}.{words or place}", getattr(item, "values", np.empty(0)), depth + 1)
+def _sort_struct(contents: _Contents, name: str, members: Mapping[str, Value]) -> None:
+    """Sort the fields of a struct; Simulink's "Structure with time" names its signals by their labels."""
+    signals = members.get("signals")
     for member, content in members.items():
-        _sort(contents, f"{name}.{member}", content, depth + 1)
+        if content is not signals or "time" not in members or not isinstance(signals, Struct):
+            _sort(contents, f"{name}.{member}", content)
+            continue
+        for i, signal in enumerate(signals.elements, start=1):
+            label = signal.get("label")
+            place = "signals" if len(signals.elements) == 1 else f"signals.{i}"
+            called = label.strip() if isinstance(label, str) else ""
+            _sort(contents, f"{name}.{called or place}", signal.get("values", Unread("a signal without values")))
 
 
 def _sort_numbers(contents: _Contents, name: str, value: np.ndarray) -> None:
