@@ -1,0 +1,6 @@
+"""Quality of what was logged, judged block by block while it passes: see `StreamQuality`."""
+
+from pipeline.ingest.quality.channel import ChannelSummary
+from pipeline.ingest.quality.stream import StreamQuality, StreamSummary, of_run
+
+__all__ = ["ChannelSummary", "StreamQuality", "StreamSummary", "of_run"]

@@ -1,0 +1,236 @@
+"""Repair of time stamps that do not increase: repeated, coarse, backward, wrapped, started again.
+
+Works on all stamps of a table at once (8 bytes a row); sound logs, which are most, never come here.
+Every change is a finding that goes into the provenance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.recording import QualityFinding
+
+# At most this part of the steps may lead backward, and at most this part of the rows may be lost to that.
+_FEW = 0.01
+# From this part of repeated stamps on they are coarse, not disturbed: 1 ms stamps from 1.1 kHz on.
+_COARSE = 0.1
+# What counters of loggers wrap at: 16, 24, 31 and 32 bit.
+_WRAPS = tuple(float(1 << bits) for bits in (16, 24, 31, 32))
+
+
+@dataclass
+class Repair:
+    """Which rows stay, shape (n,), and the stamps of those, as logged (same unit), strictly increasing."""
+
+    keep: np.ndarray
+    stamps: np.ndarray
+    findings: list[QualityFinding] = field(default_factory=list)
+
+
+def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str) -> Repair:
+    """Make stamps strictly increasing.
+
+    Parameters
+    ----------
+    stamps
+        As logged, shape (n,), NaN where a row has none.
+    copies
+        For the first rows, whether a row repeats all values of the row before it, shape (m,).
+    where
+        File and channel, for messages.
+
+    Raises
+    ------
+    InputError
+        If time stands still, runs backward, or starts again so often that no longest part stands out.
+    """
+    keep = np.isfinite(stamps)
+    time = stamps[keep]
+    findings: list[QualityFinding] = []
+    rows = np.flatnonzero(keep)
+    time = _unwrapped(time, rows, where, findings)
+    steps = np.diff(time)
+    if time.size > 1 and not steps.any():
+        raise InputError(
+            f"{where}: time stands still at {time[0]:g} in all {time.size} rows. Name another channel as time in the "
+            "recipe, or give the rate: `time: {rate: 5 kHz}`."
+        )
+    backward = np.flatnonzero(steps < 0)
+    if backward.size:
+        _refuse_if_mostly_backward(time, backward, rows, where)
+        stay = _increasing(time)
+        findings.append(_said_backward(time, stay, backward, rows, where))
+        time, rows = time[stay], rows[stay]
+    repeated = np.diff(time) == 0
+    if repeated.any():
+        part = repeated.mean()
+        if part < _COARSE or _are_copies(rows, repeated, copies):
+            stay = np.concatenate(([True], ~repeated))
+            level = "note" if part <= 1e-3 else "warning"
+            first = int(np.flatnonzero(repeated)[0])
+            findings.append(
+                QualityFinding(
+                    level,  # type: ignore[arg-type]
+                    f"{where}: {int(repeated.sum())} rows repeat the time of the row before ({100 * part:.2g} %, first "
+                    f"row {rows[first + 1] + 1} at {time[first]:.9g}); they are dropped.",
+                )
+            )
+            time, rows = time[stay], rows[stay]
+        else:
+            group = 1.0 / (1.0 - part)
+            findings.append(
+                QualityFinding(
+                    "warning",
+                    f"{where}: time stamps are coarse, {group:.3g} rows share one on average; the samples are spread "
+                    "evenly between the stamps.",
+                )
+            )
+            time = _spread(time)
+    kept = np.zeros(stamps.size, dtype=bool)
+    kept[rows] = True
+    return Repair(kept, time, findings)
+
+
+def _unwrapped(time: np.ndarray, rows: np.ndarray, where: str, findings: list[QualityFinding]) -> np.ndarray:
+    """Add what a counter of a fixed number of bits lost when it wrapped."""
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0)
+    if not back.size or time.min() < 0 or not np.array_equal(time[back], np.round(time[back])):
+        return time
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    for wrap in _WRAPS:
+        if time.max() < wrap and (np.abs(steps[back] + wrap - usual) <= max(2 * usual, 2.0)).all():
+            added = np.zeros(time.size)
+            added[back + 1] = wrap
+            findings.append(
+                QualityFinding(
+                    "note",
+                    f"{where}: the time counter wrapped {back.size} times at {wrap:.0f}, first in row "
+                    f"{rows[back[0] + 1] + 1}; the time is continued.",
+                )
+            )
+            unwrapped: np.ndarray = time + np.cumsum(added)
+            return unwrapped
+    return time
+
+
+def _refuse_if_mostly_backward(time: np.ndarray, backward: np.ndarray, rows: np.ndarray, where: str) -> None:
+    part = backward.size / (time.size - 1)
+    if backward.size <= max(_FEW * time.size, 1) and part < 0.5:
+        return
+    at = int(backward[0])
+    raise InputError(
+        f"{where}: time runs backward in {backward.size} of {time.size - 1} steps ({100 * part:.2g} %), first from "
+        f"{time[at]:.9g} to {time[at + 1]:.9g} in row {rows[at + 1] + 1}. Sort the log by time, or name in the "
+        "recipe the channel that is time."
+    )
+
+
+def _increasing(time: np.ndarray) -> np.ndarray:
+    """Return which rows stay so that time never falls: at each fall the side that costs fewer rows gives way."""
+    falls = np.flatnonzero(np.diff(time) < 0) + 1
+    bounds = np.concatenate(([0], falls, [time.size]))
+    kept: list[tuple[int, int]] = []
+    for start, stop in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
+        if not kept:
+            kept.append((start, stop))
+            continue
+        last = time[kept[-1][1] - 1]
+        ahead = int(np.searchsorted(time[start:stop], last, side="left"))
+        behind, whole, cut = _rows_after(time, kept, time[start], limit=ahead)
+        if behind < ahead:
+            del kept[whole:]
+            kept += [*cut, (start, stop)]
+        elif start + ahead < stop:
+            kept.append((start + ahead, stop))
+    stay = np.zeros(time.size, dtype=bool)
+    for start, stop in kept:
+        stay[start:stop] = True
+    return stay
+
+
+def _rows_after(
+    time: np.ndarray, kept: list[tuple[int, int]], moment: float, limit: int
+) -> tuple[int, int, list[tuple[int, int]]]:
+    """Count the kept rows later than `moment`, up to `limit`; how many parts stay whole, and what stays of the next."""
+    count, whole = 0, len(kept)
+    while whole and count < limit:
+        start, stop = kept[whole - 1]
+        stays = int(np.searchsorted(time[start:stop], moment, side="right"))
+        count += stop - start - stays
+        whole -= 1
+        if stays:
+            return count, whole, [(start, start + stays)]
+    return count, whole, []
+
+
+def _said_backward(
+    time: np.ndarray, stay: np.ndarray, backward: np.ndarray, rows: np.ndarray, where: str
+) -> QualityFinding:
+    """Say what was dropped; refuse where that is most of the log."""
+    lost = int((~stay).sum())
+    part = lost / time.size
+    at = int(backward[0])
+    place = f"first from {time[at]:.9g} back to {time[at + 1]:.9g} in row {rows[at + 1] + 1}"
+    if part <= _FEW or lost <= 1:
+        return QualityFinding(
+            "warning", f"{where}: time steps back {backward.size} times, {place}; {lost} rows are dropped for it."
+        )
+    if part > 0.5:
+        raise InputError(
+            f"{where}: time starts again {backward.size} times, {place}; no part of the log holds half of its rows. "
+            "It looks like several runs in one file: split it there, one file a run."
+        )
+    left = np.flatnonzero(stay)
+    return QualityFinding(
+        "warning",
+        f"{where}: time starts again {backward.size} times, {place}. The longest increasing part is kept (rows "
+        f"{rows[left[0]] + 1} to {rows[left[-1]] + 1}); {lost} of {time.size} rows ({100 * part:.3g} %) are dropped. "
+        "If the log holds two runs, split it.",
+    )
+
+
+def _are_copies(rows: np.ndarray, repeated: np.ndarray, copies: np.ndarray | None) -> bool:
+    """Tell whether rows with a repeated stamp repeat all values too: logged twice, not sampled twice."""
+    if copies is None:
+        return False
+    later = rows[1:][repeated]
+    later = later[later < copies.size]
+    return later.size > 0 and float(copies[later].mean()) > 0.9
+
+
+def _spread(time: np.ndarray) -> np.ndarray:
+    """Return strictly increasing times for non-decreasing coarse ones.
+
+    Between gaps a steady clock is assumed: first stamp kept, slope by regression over the stamps. Where
+    that misses a stamp by more than two of their steps, rows are spread between neighbouring stamps.
+    """
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(time)) + 1))
+    stamps = time[starts]
+    counts = np.diff(np.append(starts, time.size))
+    lengths = np.diff(stamps)
+    usual = float(np.median(lengths))
+    per_row = float(np.median(lengths / counts[:-1]))
+    spread = _between_stamps(time.size, starts, stamps, counts, per_row)
+    gaps = np.flatnonzero(lengths > 1.5 * np.maximum(counts[:-1] * per_row, usual) + usual) + 1
+    bounds = np.concatenate(([0], gaps, [stamps.size]))
+    steady = spread.copy()
+    for begin, end in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
+        if end - begin < 3:
+            continue
+        row = (starts[begin:end] - starts[begin]).astype(float)
+        stamp = stamps[begin:end] - stamps[begin]
+        slope = float(np.dot(row - row.mean(), stamp) / np.dot(row - row.mean(), row - row.mean()))
+        if np.abs(row * slope - stamp).max() <= 2 * max(usual, float(lengths[begin : end - 1].max())):
+            stop = int(starts[end]) if end < stamps.size else time.size
+            steady[starts[begin] : stop] = stamps[begin] + slope * np.arange(stop - starts[begin])
+    return steady if (np.diff(steady) > 0).all() else spread
+
+
+def _between_stamps(n: int, starts: np.ndarray, stamps: np.ndarray, counts: np.ndarray, per_row: float) -> np.ndarray:
+    end = stamps[-1] + counts[-1] * per_row
+    between: np.ndarray = np.interp(np.arange(n), np.append(starts, n), np.append(stamps, end))
+    return between

@@ -1,0 +1,238 @@
+"""One table on its way to SI: blocks of raw rows -> strictly increasing seconds and canonical channels.
+
+Sound stamps pass in one reading. Where they do not increase, the stamps alone are read first and
+repaired (`pipeline.ingest.stamps`), then the table is read again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import chain
+from typing import Protocol
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.ingest.mapping import Selection
+from pipeline.ingest.reader import BLOCK_ROWS
+from pipeline.ingest.stamps import Repair, repair
+from pipeline.ingest.timebase import Clock, TimeSource
+from pipeline.recording import QualityFinding
+
+Block = dict[str, np.ndarray]
+
+
+class Sink(Protocol):
+    """What takes the blocks of a stream."""
+
+    def add(self, time: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
+        """Take time (n,), s, and channels (n,) in SI by canonical name."""
+
+    def restart(self) -> None:
+        """Forget all blocks: they come again, with mended times."""
+
+
+class _DisorderError(Exception):
+    """The stamps do not increase."""
+
+
+class StreamInSI:
+    """One stream of a run, from its table to SI.
+
+    Attributes
+    ----------
+    time, clock
+        Where its time comes from; `pipeline.ingest.timebase.align` may shift it before `pass_to`.
+    repairs
+        What was changed, complete after `pass_to`.
+    """
+
+    def __init__(self, selection: Selection, time: TimeSource) -> None:
+        self.selection = selection
+        self.clock = Clock(selection.source, time)
+        self.repairs: list[QualityFinding] = []
+        self.time = time
+        self._names = list(dict.fromkeys([*self._time_name, *(c.raw.name for c in selection.channels)]))
+        self._blocks = self._again()
+        self._first = next(self._blocks, None)
+        if self._first is not None and time.channel is not None:
+            stamps = self._first[time.channel]
+            stamps = stamps[np.isfinite(stamps)]
+            if stamps.size:
+                self.clock.start(float(stamps[0]))
+
+    def pass_to(self, sink: Sink) -> None:
+        """Give all rows to a sink.
+
+        Raises
+        ------
+        InputError
+            If there are no rows, or time is beyond repair.
+        """
+        blocks = chain([] if self._first is None else [self._first], self._blocks)
+        self._first = None
+        try:
+            rows = self._pass(blocks, sink, None)
+        except _DisorderError:
+            mended = self._mended()
+            sink.restart()
+            rows = self._pass(self._again(), sink, mended)
+            self.repairs += mended.findings
+        if not rows:
+            raise InputError(
+                f"{self.clock.where}: holds no rows with a time; export or record the log again, with its samples."
+            )
+
+    def notes(self, step: float) -> list[QualityFinding]:
+        """Return what is to be said of table, mapping and time after `pass_to`; `step` is the usual step, s."""
+        said = [*self.selection.source.table.notes(), *self.selection.notes, *self.clock.notes, *self.repairs]
+        if self.time.channel is not None and not self.time.stated and self.clock.begins is None:
+            message = (
+                f"{self.clock.where}: '{self.time.channel}' has no unit and is taken as seconds, which makes "
+                f"{1.0 / step:.5g} samples a second."
+            )
+            said.append(QualityFinding("note" if not step >= 10.0 else "warning", message))
+        return said
+
+    def _again(self) -> Iterator[Block]:
+        return rebatched(self.selection.source.table.blocks(self._names), BLOCK_ROWS)
+
+    @property
+    def _time_name(self) -> list[str]:
+        return [] if self.time.channel is None else [self.time.channel]
+
+    def _pass(self, blocks: Iterator[Block], sink: Sink, mended: Repair | None) -> int:
+        """Pass blocks on and return the number of rows; `_DisorderError` where they are not in order."""
+        timeless = _Tally()
+        infinite = {channel.name: _Tally() for channel in self.selection.channels}
+        row, passed, last = 0, 0, -np.inf
+        used = 0
+        for block in blocks:
+            size = next(iter(block.values())).size if block else 0
+            if mended is not None:
+                keep = mended.keep[row : row + size]
+                count = int(np.count_nonzero(keep))
+                stamps = mended.stamps[used : used + count]
+                used += count
+                missing = ~np.isfinite(block[self._time_name[0]])
+            elif self.time.rate is not None:
+                keep, missing = None, None
+                stamps = np.arange(row, row + size)
+            else:
+                stamps = np.asarray(block[self._time_name[0]], dtype=np.float64)
+                keep = missing = None
+                if not np.isfinite(stamps.sum()):
+                    keep = np.isfinite(stamps)
+                    stamps, missing = stamps[keep], ~keep
+            if missing is not None:
+                timeless.count(missing, row)
+            row += size
+            if not stamps.size:
+                continue
+            time = stamps / self.time.rate if self.time.rate is not None else self.clock.seconds(stamps)
+            if time[0] <= last or (np.diff(time) <= 0).any():
+                if mended is not None:
+                    raise InputError(f"{self.clock.where}: the time stamps are too fine to be told apart as numbers.")
+                raise _DisorderError
+            last = time[-1]
+            passed += time.size
+            sink.add(time, self._channels(block, keep, time, infinite))
+        self._say(timeless, infinite)
+        return passed
+
+    def _channels(
+        self, block: Block, keep: np.ndarray | None, time: np.ndarray, infinite: Mapping[str, _Tally]
+    ) -> Block:
+        columns: Block = {}
+        for channel in self.selection.channels:
+            raw = block[channel.raw.name]
+            values = channel.si(raw if keep is None else raw[keep])
+            if channel.unit != "":
+                with np.errstate(all="ignore"):
+                    suspect = not np.isfinite(values.sum())
+                if suspect and (wrong := np.isinf(values)).any():
+                    values = np.where(wrong, np.nan, values)
+                    infinite[channel.name].count(wrong, 0, time)
+            columns[channel.name] = values
+        return columns
+
+    def _mended(self) -> Repair:
+        """Read the stamps alone, and what tells rows logged twice from rows with coarse stamps."""
+        table, name = self.selection.source.table, self._time_name[0]
+        stamps = np.concatenate([np.asarray(block[name], dtype=np.float64) for block in table.blocks([name])])
+        first = next(self._again(), {})
+        others = [first[other] for other in self._names if other != name and other in first]
+        copies = None
+        if others:
+            same = np.logical_and.reduce([_same_as_before(values) for values in others])
+            copies = np.concatenate(([False], same))
+        return repair(stamps, copies, f"{self.clock.where}, channel '{name}'")
+
+    def _say(self, timeless: _Tally, infinite: Mapping[str, _Tally]) -> None:
+        where = self.clock.where
+        if timeless.n:
+            rows = "1 row has" if timeless.n == 1 else f"{timeless.n} rows have"
+            message = f"{where}: {rows} no time (first row {timeless.first_row + 1}) and are dropped."
+            self.repairs.append(QualityFinding("note" if timeless.n <= 2 else "warning", message))
+        for name, tally in infinite.items():
+            if tally.n:
+                values = "1 infinite value" if tally.n == 1 else f"{tally.n} infinite values"
+                message = f"{name}: {values}, first at {tally.first_time:.6g} s, taken as missing."
+                self.repairs.append(QualityFinding("warning", message, channel=name))
+
+
+class _Tally:
+    """Counts rows of a kind and keeps the place of the first."""
+
+    def __init__(self) -> None:
+        self.n = 0
+        self.first_row = -1
+        self.first_time = float("nan")
+
+    def count(self, which: np.ndarray, row: int, time: np.ndarray | None = None) -> None:
+        """Count rows `which` (n,) of a block that begins at `row`."""
+        found = int(np.count_nonzero(which))
+        if found and not self.n:
+            at = int(np.argmax(which))
+            self.first_row = row + at
+            self.first_time = float("nan") if time is None else float(time[at])
+        self.n += found
+
+
+def rebatched(blocks: Iterator[Block], rows: int) -> Iterator[Block]:
+    """Join small blocks and split large ones so that most have about `rows` rows; order and content stay."""
+    waiting: list[Block] = []
+    held = 0
+    for block in blocks:
+        size = next(iter(block.values())).size if block else 0
+        if not size:
+            continue
+        waiting.append(block)
+        held += size
+        if held >= rows // 2:
+            yield from _split(_joined(waiting), rows)
+            waiting, held = [], 0
+    if waiting:
+        yield from _split(_joined(waiting), rows)
+
+
+def _joined(blocks: list[Block]) -> Block:
+    if len(blocks) == 1:
+        return blocks[0]
+    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+
+
+def _split(block: Block, rows: int) -> Iterator[Block]:
+    size = next(iter(block.values())).size
+    if size <= 2 * rows:
+        yield block
+        return
+    for start in range(0, size, rows):
+        yield {name: values[start : start + rows] for name, values in block.items()}
+
+
+def _same_as_before(values: np.ndarray) -> np.ndarray:
+    same: np.ndarray = values[1:] == values[:-1]
+    if values.dtype.kind == "f":
+        same |= np.isnan(values[1:]) & np.isnan(values[:-1])
+    return same

@@ -1,0 +1,94 @@
+"""Logs that exist in memory only, for tests of what comes after the readers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.ingest.mapping import SelectedChannel, Source
+from pipeline.ingest.quality import StreamQuality
+from pipeline.ingest.reader import RawChannel, RawLog, RawTable
+from pipeline.recording import QualityFinding
+
+
+@dataclass(frozen=True)
+class Spec:
+    """A channel's declaration."""
+
+    name: str
+    unit: str
+    description: str = "a quantity"
+    required: bool = True
+    limit: float | None = None
+
+
+class MemoryTable(RawTable):
+    """A table of arrays; `units` by channel, None where the log declares none."""
+
+    def __init__(
+        self,
+        columns: Mapping[str, np.ndarray],
+        units: Mapping[str, str] | None = None,
+        name: str = "",
+        time_channel: str | None = None,
+        absolute_start: str | None = None,
+        block_rows: int = 1 << 18,
+    ) -> None:
+        self.columns = {key: np.asarray(values) for key, values in columns.items()}
+        self.name, self.time_channel, self.absolute_start = name, time_channel, absolute_start
+        self.channels = [
+            RawChannel(key, (units or {}).get(key), values.dtype.kind == "O") for key, values in self.columns.items()
+        ]
+        self.block_rows = block_rows
+        self.readings = 0
+
+    def blocks(self, names: Sequence[str] | None = None) -> Iterator[dict[str, np.ndarray]]:
+        self.readings += 1
+        names = list(self.columns if names is None else names)
+        n = max((values.size for values in self.columns.values()), default=0)
+        for start in range(0, n, self.block_rows):
+            yield {key: self.columns[key][start : start + self.block_rows] for key in names}
+
+
+def log_of(*tables: MemoryTable, metadata: Mapping[str, str] | None = None, path: str = "r1.csv") -> RawLog:
+    return RawLog(Path(path), "memory", tables, metadata or {})
+
+
+def sources_of(*tables: MemoryTable, metadata: Mapping[str, str] | None = None) -> list[Source]:
+    log = log_of(*tables, metadata=metadata)
+    return [Source(log, table, "r1.csv", table.name.strip("/")) for table in tables]
+
+
+def judged(
+    values: np.ndarray | Mapping[str, np.ndarray],
+    rate: float = 1000.0,
+    time: np.ndarray | None = None,
+    block: int = 1 << 18,
+    unit: str = "N",
+    required: bool = False,
+) -> StreamQuality:
+    """Pass signals through the checks in blocks of `block` rows."""
+    signals = values if isinstance(values, Mapping) else {"force": values}
+    n = len(next(iter(signals.values())))
+    time = np.arange(n) / rate if time is None else time
+    quality = StreamQuality(
+        [SelectedChannel(name, RawChannel(name, unit), unit, unit, required=required) for name in signals]
+    )
+    for start in range(0, n, block):
+        part = slice(start, start + block)
+        quality.add(time[part], {name: np.asarray(signal, float)[part] for name, signal in signals.items()})
+    quality.finish()
+    return quality
+
+
+def found(
+    values: np.ndarray | Mapping[str, np.ndarray],
+    rate: float = 1000.0,
+    time: np.ndarray | None = None,
+    block: int = 1 << 18,
+    required: bool = False,
+) -> list[QualityFinding]:
+    return judged(values, rate, time, block, required=required).findings()
