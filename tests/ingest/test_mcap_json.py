@@ -174,7 +174,11 @@ def test_units_come_from_schema_nested_items_references_then_channel_metadata(tm
 
 
 def test_a_schema_that_refers_to_itself_or_is_no_json_does_no_harm(tmp_path):
-    schema = {"properties": {"a": {"$ref": "#"}, "b": {"type": "number", "unit": "N"}}}
+    again = {"$ref": "#"}
+    schema = {
+        "anyOf": [again, again],
+        "properties": {"b": {"type": "number", "unit": "N"}, "a": again, "c": again, "d": {"items": again}},
+    }
     path = write_json(tmp_path / "a.mcap", {"/rig": stamped([{"b": 1}] * 3)}, schemas={"/rig": schema})
     assert {c.name: c.unit for c in table(open_log(path)).channels}["b"] == "N"
 

@@ -158,9 +158,11 @@ def texts(values: np.ndarray) -> np.ndarray:
     return result
 
 
-def count_texts(values: np.ndarray) -> tuple[int, int]:
-    """Return how many of `values` are numbers and how many texts."""
+def are_texts(values: np.ndarray) -> bool:
+    """Tell whether most of `values` are texts; a few that stand for no number (``"NaN"``, ``""``) do not count."""
     if values.dtype != object:
-        return int(np.count_nonzero(~np.isnan(values))), 0
-    words = sum(type(v) is str and v not in _NO_NUMBER_TEXTS and v not in _INFINITE_TEXTS for v in values)
-    return sum(isinstance(value, int | float) for value in values), words
+        return False
+    numbers = sum(isinstance(value, int | float) for value in values)
+    words = [value for value in values if isinstance(value, str)]
+    meant = sum(word not in _NO_NUMBER_TEXTS and word not in _INFINITE_TEXTS for word in words)
+    return meant > numbers or (numbers == 0 and "" in words)

@@ -7,6 +7,7 @@ the channel's metadata (``unit.<field>``). A vector's members have the vector's 
 from __future__ import annotations
 
 import json
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,7 +16,9 @@ from pipeline.ingest.mcap_log.columns import Path
 from pipeline.ingest.mcap_log.fields import Field, channel_name
 
 _UNIT_PREFIX = "unit."
-_DEEPEST = 32
+# Schemas may refer to themselves; level by level, so many nodes are looked at.
+_MOST_NODES = 5000
+_LONGEST_CHAIN = 32
 
 
 @dataclass
@@ -52,46 +55,29 @@ def from_json_schema(text: bytes, metadata: Mapping[str, str]) -> Declared:
         schema = json.loads(text)
     except (ValueError, RecursionError):
         return declared
-    if isinstance(schema, dict):
-        _visit(schema, schema, (), declared)
+    waiting: deque[tuple[Any, Path, bool]] = deque([(schema, (), False)])
+    visited = 0
+    while waiting and visited < _MOST_NODES:
+        visited += 1
+        node, path, in_list = waiting.popleft()
+        node = _resolved(_mapping(node), _mapping(schema))
+        unit = node.get("unit", node.get("units"))
+        if isinstance(unit, str):
+            declared.units.setdefault(path, unit)
+        low, high = node.get("minItems"), node.get("maxItems")
+        if isinstance(low, int) and low == high and not in_list:
+            declared.lengths.setdefault(path, low)
+        waiting.extend((member, (*path, key), in_list) for key, member in _mapping(node.get("properties")).items())
+        if "items" in node:
+            waiting.append((node["items"], path, True))
+        for choice in ("anyOf", "oneOf", "allOf"):
+            waiting.extend((member, path, in_list) for member in node.get(choice) or ())
     return declared
-
-
-def _visit(node: dict[str, Any], root: dict[str, Any], path: Path, declared: Declared) -> None:
-    if len(path) > _DEEPEST:
-        return
-    node = _resolved(node, root)
-    unit = node.get("unit", node.get("units"))
-    if isinstance(unit, str):
-        declared.units.setdefault(path, unit)
-    low, high = node.get("minItems"), node.get("maxItems")
-    if isinstance(low, int) and low == high:
-        declared.lengths.setdefault(path, low)
-    for key, member in _mapping(node.get("properties")).items():
-        if isinstance(member, dict):
-            _visit(member, root, (*path, key), declared)
-    if isinstance(node.get("items"), dict):
-        _visit(_items(node["items"], root), root, path, declared)
-    for choice in ("anyOf", "oneOf", "allOf"):
-        for member in node.get(choice) or ():
-            if isinstance(member, dict) and member is not root:
-                _visit_choice(member, root, path, declared)
-
-
-def _visit_choice(node: dict[str, Any], root: dict[str, Any], path: Path, declared: Declared) -> None:
-    """Look into one alternative; alternatives in alternatives are not followed."""
-    node = _resolved(node, root)
-    _visit({key: value for key, value in node.items() if key not in ("anyOf", "oneOf", "allOf")}, root, path, declared)
-
-
-def _items(node: dict[str, Any], root: dict[str, Any]) -> dict[str, Any]:
-    """Lists in lists share a path with their outer list, so its items' own lengths do not count."""
-    return {key: value for key, value in _resolved(node, root).items() if key not in ("minItems", "maxItems")}
 
 
 def _resolved(node: dict[str, Any], root: dict[str, Any]) -> dict[str, Any]:
     """Follow ``$ref`` within the schema; what stands beside it counts too."""
-    for _ in range(_DEEPEST):
+    for _ in range(_LONGEST_CHAIN):
         reference = node.get("$ref")
         if not isinstance(reference, str) or not reference.startswith("#"):
             return node

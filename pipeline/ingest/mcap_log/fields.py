@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.errors import listing
 from pipeline.ingest.mcap_log import arrays
 from pipeline.ingest.mcap_log.arrays import LONGEST_VECTOR, Lists
-from pipeline.ingest.mcap_log.columns import Column, Columns, Path, count_texts
+from pipeline.ingest.mcap_log.columns import Column, Columns, Path, are_texts
 
 _STAMPS = ({"sec", "nanosec"}, {"sec", "nsec"}, {"secs", "nsecs"}, {"seconds", "nanos"})
 
@@ -111,8 +111,7 @@ def _seen(samples: Sequence[tuple[int, Columns]]) -> tuple[dict[Path, bool], dic
     for path in dict.fromkeys(path for _, columns in samples for path in columns):
         columns = [(count, found.get(path)) for count, found in samples]
         values = np.concatenate([column.values for _, column in columns if column is not None])
-        found_numbers, found_texts = count_texts(values)
-        is_text = found_texts > found_numbers
+        is_text = are_texts(values)
         if all(column is None or column.lengths is None for _, column in columns):
             scalars[path] = is_text
         elif values.size:

@@ -6,7 +6,7 @@ What the bytes of a message mean is in `ros_messages`; the IDL form of ROS 2 is 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -153,32 +153,28 @@ def array_length(text: str) -> int:
 
 def fixed_lengths(struct: Struct) -> dict[tuple[str, ...], int]:
     """Return the arrays of fixed length by path: those are vectors, not blocks of samples."""
-    found: dict[tuple[str, ...], int] = {}
-    _visit(struct, (), lambda path, kind: _note_length(found, path, kind))
-    return found
+    return {
+        path: kind.length
+        for path, kind, in_list in _visited(struct, (), False)
+        if isinstance(kind, Many) and kind.length is not None and not in_list
+    }
 
 
 def declared_units(struct: Struct) -> dict[tuple[str, ...], str]:
     """Return the units that the definition declares, by path."""
-    found: dict[tuple[str, ...], str] = {}
-
-    def note(path: tuple[str, ...], kind: Type) -> None:
-        if isinstance(kind, Struct):
-            found.update({(*path, member): unit for member, unit in kind.units.items()})
-
-    _visit(struct, (), note)
-    return found
+    return {
+        (*path, member): unit
+        for path, kind, _ in _visited(struct, (), False)
+        if isinstance(kind, Struct)
+        for member, unit in kind.units.items()
+    }
 
 
-def _note_length(found: dict[tuple[str, ...], int], path: tuple[str, ...], kind: Type) -> None:
-    if isinstance(kind, Many) and kind.length is not None:
-        found.setdefault(path, kind.length)
-
-
-def _visit(kind: Type, path: tuple[str, ...], note: Callable[[tuple[str, ...], Type], None]) -> None:
-    note(path, kind)
+def _visited(kind: Type, path: tuple[str, ...], in_list: bool) -> Iterator[tuple[tuple[str, ...], Type, bool]]:
+    """Yield all types within a type: path, type, whether it stands in a list."""
+    yield path, kind, in_list
     if isinstance(kind, Many):
-        _visit(kind.of, path, note)
+        yield from _visited(kind.of, path, True)
     elif isinstance(kind, Struct):
         for member, of in kind.members:
-            _visit(of, (*path, member), note)
+            yield from _visited(of, (*path, member), in_list)
