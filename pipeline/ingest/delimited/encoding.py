@@ -1,0 +1,139 @@
+"""Which characters the bytes of a text file stand for.
+
+Judged from the first bytes: a byte-order mark, the zeros of UTF-16, valid UTF-8, and else by which legacy
+encoding yields characters that people write. It does not guess languages, only what labs meet.
+"""
+
+from __future__ import annotations
+
+import codecs
+import unicodedata
+from dataclasses import dataclass
+
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF32_LE, "utf-32-le"),  # before UTF-16, whose mark begins it
+    (codecs.BOM_UTF32_BE, "utf-32-be"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+_SIGNS = set("°µ²³±×·Ω§–—’“”€½Øøπ")
+_CONTROLS = bytes(set(range(32)) - set(b"\t\n\r\f\v\x1a\x1b"))
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """A Python codec and the length of the byte-order mark before the text."""
+
+    codec: str
+    mark: int = 0
+
+    @property
+    def is_wide(self) -> bool:
+        """Tell whether a line end is more than one byte (UTF-16, UTF-32)."""
+        return self.codec.startswith(("utf-16", "utf-32"))
+
+
+def detect(head: bytes) -> Encoding | None:
+    """Return the encoding of a text that begins with `head`, None where it is no text.
+
+    Examples
+    --------
+    >>> detect("Prüfkraft [N]".encode("cp1252")).codec
+    'cp1252'
+    >>> detect("时间,位移,力".encode("gb18030")).codec
+    'gb18030'
+    """
+    for mark, codec in _MARKS:
+        if head.startswith(mark):
+            return Encoding(codec, len(mark))
+    if wide := _wide_without_mark(head):
+        return wide
+    if b"\0" in head or len(head.translate(None, _CONTROLS)) < 0.98 * len(head):
+        return None
+    if _decodes(head, "utf-8"):
+        return Encoding("utf-8")
+    words = _foreign_words(head)
+    scores = {codec: _plausibility(words, codec) for codec in ("cp1252", "gb18030", "shift_jis", "cp850")}
+    best = max(scores, key=lambda codec: scores[codec])  # the first of equals
+    if scores[best] > 0:
+        return Encoding(best)
+    return Encoding("latin-1")
+
+
+def _wide_without_mark(head: bytes) -> Encoding | None:
+    """UTF-16 of mostly Latin text has a zero in every other byte."""
+    sample = head[: len(head) // 2 * 2][:4096]
+    if len(sample) < 8:
+        return None
+    even, odd = sample[::2].count(0), sample[1::2].count(0)
+    if odd > 0.6 * len(sample) / 2 and even == 0:
+        return Encoding("utf-16-le")
+    if even > 0.6 * len(sample) / 2 and odd == 0:
+        return Encoding("utf-16-be")
+    return None
+
+
+def _decodes(head: bytes, codec: str) -> bool:
+    """Tell whether `head`, which may end in the middle of a character, is valid."""
+    try:
+        codecs.getincrementaldecoder(codec)().decode(head)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def _foreign_words(head: bytes) -> list[bytes]:
+    """Return the cells that hold bytes beyond ASCII, whole, so that no character is cut."""
+    for separator in b'\n\r\t;," ':
+        head = head.replace(bytes([separator]), b"\n")
+    return [word for word in head.split(b"\n")[:20000] if not word.isascii()][:500]
+
+
+def _plausibility(words: list[bytes], codec: str) -> float:
+    """Return the mean likeliness, 0 to 1, of the characters beyond ASCII; 0 where a word does not decode."""
+    total, count = 0.0, 0
+    for word in words:
+        try:
+            text = word.decode(codec)
+        except UnicodeDecodeError:
+            return 0.0
+        for before, character in zip(" " + text, text, strict=False):
+            if not character.isascii():
+                total += _likeliness(before, character, codec)
+                count += 1
+    return total / count if count else 0.0
+
+
+def _likeliness(before: str, character: str, codec: str) -> float:
+    if codec == "gb18030":
+        return _chinese(character)
+    if codec == "shift_jis":
+        return _japanese(character)
+    if character in _SIGNS:
+        return 1.0
+    kind = unicodedata.category(character)
+    if kind == "Ll":
+        # Accented letters stand alone among plain ones: runs of them are another alphabet misread.
+        return 1.0 if before.isascii() else 0.6
+    return 0.8 if kind == "Lu" and not before.islower() and before.isascii() else 0.2
+
+
+def _chinese(character: str) -> float:
+    """GB 2312 orders its characters: first signs, then the 3755 common ones, then the rare ones."""
+    try:
+        lead = character.encode("gb2312")[0]
+    except UnicodeEncodeError:
+        return 0.1 if "\u4e00" <= character <= "\u9fff" else 0.0
+    if lead >= 0xD8:
+        return 0.4
+    return 1.0 if lead >= 0xB0 or lead <= 0xA3 else 0.5
+
+
+def _japanese(character: str) -> float:
+    if "\u3040" <= character <= "\u30ff":
+        return 1.0
+    if "\uff61" <= character <= "\uff9f":  # half-width kana: any single high byte reads as one
+        return 0.25
+    lead = character.encode("shift_jis")[0]
+    return 0.95 if 0x88 <= lead <= 0x97 else 0.3

@@ -1,0 +1,144 @@
+"""Lines -> columns, the careful way: every line is looked at, and what is odd is noted with its number.
+
+`quick` reads well-formed pieces of large files with the same result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.ingest.delimited.body import is_value
+from pipeline.ingest.delimited.cells import is_missing
+from pipeline.ingest.delimited.chunks import Chunk
+from pipeline.ingest.delimited.columns import Column, stamp_text
+from pipeline.ingest.delimited.layout import Layout, decimals_of
+from pipeline.ingest.delimited.oddities import LONGEST_QUOTE, Oddities
+from pipeline.ingest.delimited.stamps import NOT_A_TIME
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """The rows of one chunk: float64 numbers, int64 instants (ns) and texts by place of the column."""
+
+    rows: int
+    numbers: dict[int, np.ndarray]
+    instants: dict[int, np.ndarray]
+    texts: dict[int, list[str]]
+    oddities: Oddities
+
+
+def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed:
+    """Read the `wanted` columns of a chunk.
+
+    Raises
+    ------
+    InputError
+        Where a second header with other names begins.
+    """
+    odd = Oddities()
+    rows, lines = _rows(chunk, layout, odd)
+    numbers, instants, texts, bad = _columns(rows, layout, wanted)
+    if chunk.is_cut and rows and (any(bad.values()) or _ends_early(rows[-1], layout)):
+        odd.add("cut", chunk.first_line, chunk.data.decode(errors="replace").strip())
+        return parse_nothing(layout, wanted, odd)
+    for column in wanted:
+        for index in bad.get(column.index, ()):
+            _refuse_second_header(rows[index], lines[index], layout)
+            odd.add("bad", lines[index], rows[index][column.index], column.index)
+    for column in layout.unread:
+        for row, line in zip(rows, lines, strict=True):
+            if row[column.index]:
+                odd.add("occupied", line, row[column.index], column.index)
+    if chunk.has_zeros:
+        odd.add("zeros", chunk.first_line)
+    return Parsed(len(rows), numbers, instants, texts, odd)
+
+
+def parse_nothing(layout: Layout, wanted: Sequence[Column], odd: Oddities) -> Parsed:
+    """Return the columns of no rows."""
+    numbers, instants, texts, _ = _columns([], layout, wanted)
+    return Parsed(0, numbers, instants, texts, odd)
+
+
+def _rows(chunk: Chunk, layout: Layout, odd: Oddities) -> tuple[list[list[str]], list[int]]:
+    """Return the cells of the rows of right width and their line numbers."""
+    rows, lines = [], []
+    split, width = layout.dialect.split, layout.width
+    first_letters = {mark[0] for mark in layout.dialect.comment_marks} | {'"'}
+    for number, line in enumerate(chunk.data.decode(errors="replace").split("\n")[: chunk.lines], chunk.first_line):
+        stripped = line.strip()
+        if not stripped:
+            continue
+        if stripped[0] in first_letters and layout.dialect.comment(stripped) is not None:
+            odd.add("comment", number, stripped)
+            continue
+        if stripped in layout.headings:
+            odd.add("heading", number, stripped)
+            continue
+        row = split(line)
+        if len(row) != width:
+            row = _evened(row, layout)
+            if len(row) != width:
+                odd.add("cut" if chunk.is_cut else "ragged", number, f"{len(row)} cells: {stripped}")
+                continue
+        if any(row):
+            rows.append(row)
+            lines.append(number)
+        else:
+            odd.add("blank", number)
+    return rows, lines
+
+
+def _evened(row: list[str], layout: Layout) -> list[str]:
+    """Give a row the table's width where it differs only in empty cells at its end."""
+    while len(row) > layout.width and not row[-1]:
+        row = row[:-1]
+    missing = range(len(row), layout.width)
+    if all(place in {column.index for column in layout.unread} for place in missing):
+        row = row + [""] * len(missing)
+    return row
+
+
+Columns = tuple[dict[int, np.ndarray], dict[int, np.ndarray], dict[int, list[str]], dict[int, list[int]]]
+
+
+def _columns(rows: Sequence[list[str]], layout: Layout, wanted: Sequence[Column]) -> Columns:
+    """Return numbers, instants and texts by place of the column, and the rows whose cell could not be read."""
+    numbers, instants, texts, bad = {}, {}, {}, {}
+    for column in wanted:
+        place = column.index
+        if column.kind == "stamp" and layout.stamp:
+            stamps = [stamp_text(row, layout.stamp) for row in rows]
+            instants[place] = layout.stamp.format.instants(stamps)
+            failed = np.flatnonzero(instants[place] == NOT_A_TIME).tolist()
+            bad[place] = [index for index in failed if not is_missing(rows[index][place])]
+            continue
+        cells = [row[place] for row in rows]
+        if column.kind == "text":
+            texts[place] = cells
+            continue
+        values = layout.notation.numbers(cells)
+        bad[place] = [index for index, value in enumerate(values) if value is None]
+        numbers[place] = np.array(values, dtype=np.float64)  # None becomes NaN
+    return numbers, instants, texts, bad
+
+
+def _ends_early(row: Sequence[str], layout: Layout) -> bool:
+    """Tell whether a last line without end lost some of its decimals."""
+    if layout.last_decimals is None:
+        return False
+    last = next((cell for cell in reversed(row) if cell), "")
+    return decimals_of(last, layout.notation.decimal) < layout.last_decimals
+
+
+def _refuse_second_header(row: Sequence[str], line: int, layout: Layout) -> None:
+    cells = [row[place] for place in layout.measured]
+    if len(cells) > 1 and all(cell and not is_value(cell) and not is_missing(cell) for cell in cells):
+        raise InputError(
+            f"{layout.path}: a second header begins in line {line} ('{', '.join(row)[:LONGEST_QUOTE]}'); the file "
+            "holds several recordings one below the other. Cut it into one file a recording."
+        )

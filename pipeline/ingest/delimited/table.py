@@ -1,0 +1,115 @@
+"""The rows of a delimited file as blocks of channels."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import numpy as np
+
+from pipeline.errors import InputError, listing
+from pipeline.ingest.delimited import rows
+from pipeline.ingest.delimited.chunks import CHUNK_BYTES, Chunk, chunks
+from pipeline.ingest.delimited.columns import Column
+from pipeline.ingest.delimited.layout import Layout
+from pipeline.ingest.delimited.oddities import Oddities, findings, refuse_ragged
+from pipeline.ingest.delimited.rows import Parsed
+from pipeline.ingest.delimited.stamps import Clock, iso
+from pipeline.ingest.reader import RawChannel, RawTable
+from pipeline.recording import QualityFinding
+
+# Below this size plain Python is done before the compiled pass is loaded.
+QUICK_FROM_BYTES = 1 << 23
+_MOST_WORKERS = 8
+
+
+class DelimitedTable(RawTable):
+    """The only table of a delimited file; blocks are as large as the chunks that the file is read in."""
+
+    name = ""
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout = layout
+        self._oddities, self._rows = Oddities(), 0
+        self.channels = [RawChannel(c.name, c.unit, is_text=c.kind == "text") for c in layout.columns]
+        if stamp := layout.stamp:
+            self.time_channel = next(c.name for c in layout.columns if c.index == stamp.index)
+            if stamp.format.has_date:
+                self.absolute_start = iso(stamp.start, stamp.has_zone)
+
+    def blocks(self, names: Sequence[str] | None = None) -> Iterator[dict[str, np.ndarray]]:
+        """Yield the rows of each chunk: channel name -> float64 numbers, or an object array of text.
+
+        Raises
+        ------
+        InputError
+            For a name that is no channel, many ragged rows, a second header, a line without end.
+        """
+        layout, odd = self._layout, Oddities()
+        self._oddities, self._rows = odd, 0
+        wanted = self._columns(names)
+        clock = Clock(layout.stamp.start, layout.stamp.format.period) if layout.stamp else None
+        for parsed in parsed_chunks(layout, wanted):
+            odd.merge(parsed.oddities)
+            self._rows += parsed.rows
+            refuse_ragged(odd, self._rows, layout.path, so_far=True)
+            if parsed.rows:
+                yield {column.name: _values(parsed, column, clock) for column in wanted}
+        refuse_ragged(odd, self._rows, layout.path)
+
+    def notes(self) -> Sequence[QualityFinding]:
+        """Return what was odd about the rows of the last reading."""
+        return findings(self._oddities, self._layout, self._rows)
+
+    def _columns(self, names: Sequence[str] | None) -> list[Column]:
+        if names is None:
+            return list(self._layout.columns)
+        known = {column.name: column for column in self._layout.columns}
+        for name in names:
+            if name not in known:
+                raise InputError(f"{self._layout.path}: has no channel '{name}'; it has {listing(known)}.")
+        return [known[name] for name in dict.fromkeys(names)]
+
+
+def _values(parsed: Parsed, column: Column, clock: Clock | None) -> np.ndarray:
+    if column.kind == "stamp" and clock is not None:
+        return clock.seconds(parsed.instants[column.index])
+    if column.kind == "text":
+        return np.array(parsed.texts[column.index], dtype=object)
+    return parsed.numbers[column.index]
+
+
+def parsed_chunks(
+    layout: Layout, wanted: Sequence[Column], size: int = CHUNK_BYTES, quick_from: int = QUICK_FROM_BYTES
+) -> Iterator[Parsed]:
+    """Yield the rows of a file chunk by chunk; large files are read ahead on all cores."""
+    pieces = chunks(layout.path, layout.encoding, layout.line_end, layout.first_line, size)
+    if layout.path.stat().st_size < quick_from:
+        for chunk in pieces:
+            yield rows.parse(chunk, layout, wanted)
+        return
+    from pipeline.ingest.delimited import quick  # compiles
+
+    def parse(chunk: Chunk) -> Parsed:
+        parsed = quick.parse(chunk, layout, wanted) if quick.is_plain(layout) else None
+        return rows.parse(chunk, layout, wanted) if parsed is None else parsed
+
+    yield from _in_order(parse, pieces)
+
+
+def _in_order(parse: Callable[[Chunk], Parsed], pieces: Iterator[Chunk]) -> Iterator[Parsed]:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    workers = min(_MOST_WORKERS, cores)
+    pool = ThreadPoolExecutor(workers)
+    ahead: deque[Future[Parsed]] = deque()
+    try:
+        for chunk in pieces:
+            ahead.append(pool.submit(parse, chunk))
+            if len(ahead) > workers:
+                yield ahead.popleft().result()
+        while ahead:
+            yield ahead.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)
