@@ -33,3 +33,8 @@ def listing(names: Iterable[str], limit: int = 20) -> str:
         return "none"
     shown = ", ".join(names[:limit])
     return shown if len(names) <= limit else f"{shown} and {len(names) - limit} more"
+
+
+def counted(n: int, thing: str) -> str:
+    """Return ``"1 row"``, ``"2 rows"`` for a message."""
+    return f"{n} {thing}" if n == 1 else f"{n} {thing}s"

@@ -7,16 +7,19 @@ Every change is a finding that goes into the provenance.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, counted
 from pipeline.recording import QualityFinding
 
 # At most this part of the steps may lead backward, and at most this part of the rows may be lost to that.
 _FEW = 0.01
 # From this part of repeated stamps on they are coarse, not disturbed: 1 ms stamps from 1.1 kHz on.
 _COARSE = 0.1
+# Fewer rows than this do not tell coarse stamps from disturbed ones.
+_SEVERAL = 20
 # What counters of loggers wrap at: 16, 24, 31 and 32 bit.
 _WRAPS = tuple(float(1 << bits) for bits in (16, 24, 31, 32))
 
@@ -67,15 +70,15 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str) -> Repair:
     repeated = np.diff(time) == 0
     if repeated.any():
         part = repeated.mean()
-        if part < _COARSE or _are_copies(rows, repeated, copies):
+        if part < _COARSE or time.size < _SEVERAL or _are_copies(rows, repeated, copies):
             stay = np.concatenate(([True], ~repeated))
             level = "note" if part <= 1e-3 else "warning"
             first = int(np.flatnonzero(repeated)[0])
             findings.append(
                 QualityFinding(
                     level,  # type: ignore[arg-type]
-                    f"{where}: {int(repeated.sum())} rows repeat the time of the row before ({100 * part:.2g} %, first "
-                    f"row {rows[first + 1] + 1} at {time[first]:.9g}); they are dropped.",
+                    f"{where}: {counted(int(repeated.sum()), 'row')} with the time of the row before "
+                    f"({100 * part:.2g} %, first row {rows[first + 1] + 1} at {time[first]:.9g}), dropped.",
                 )
             )
             time, rows = time[stay], rows[stay]
@@ -108,7 +111,7 @@ def _unwrapped(time: np.ndarray, rows: np.ndarray, where: str, findings: list[Qu
             findings.append(
                 QualityFinding(
                     "note",
-                    f"{where}: the time counter wrapped {back.size} times at {wrap:.0f}, first in row "
+                    f"{where}: the time counter wrapped {counted(back.size, 'time')} at {wrap:.0f}, first in row "
                     f"{rows[back[0] + 1] + 1}; the time is continued.",
                 )
             )
@@ -123,31 +126,39 @@ def _refuse_if_mostly_backward(time: np.ndarray, backward: np.ndarray, rows: np.
         return
     at = int(backward[0])
     raise InputError(
-        f"{where}: time runs backward in {backward.size} of {time.size - 1} steps ({100 * part:.2g} %), first from "
+        f"{where}: time runs backward in {backward.size} of {time.size - 1} steps ({100 * part:.3g} %), first from "
         f"{time[at]:.9g} to {time[at + 1]:.9g} in row {rows[at + 1] + 1}. Sort the log by time, or name in the "
         "recipe the channel that is time."
     )
 
 
 def _increasing(time: np.ndarray) -> np.ndarray:
-    """Return which rows stay so that time never falls: at each fall the side that costs fewer rows gives way."""
+    """Return which rows stay so that time never falls.
+
+    At a fall that costs few rows, on the one side or the other, these give way. At one that costs many
+    the clock started again: what lies between such falls is never joined, the longest part stays.
+    """
     falls = np.flatnonzero(np.diff(time) < 0) + 1
-    bounds = np.concatenate(([0], falls, [time.size]))
-    kept: list[tuple[int, int]] = []
-    for start, stop in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
+    bounds = np.concatenate(([0], falls, [time.size])).tolist()
+    many = max(_FEW * time.size, 1)
+    parts: list[list[tuple[int, int]]] = [[]]
+    for start, stop in pairwise(bounds):
+        kept = parts[-1]
         if not kept:
             kept.append((start, stop))
             continue
         last = time[kept[-1][1] - 1]
         ahead = int(np.searchsorted(time[start:stop], last, side="left"))
         behind, whole, cut = _rows_after(time, kept, time[start], limit=ahead)
-        if behind < ahead:
+        if min(ahead, behind) > many:
+            parts.append([(start, stop)])
+        elif behind < ahead:
             del kept[whole:]
             kept += [*cut, (start, stop)]
         elif start + ahead < stop:
             kept.append((start + ahead, stop))
     stay = np.zeros(time.size, dtype=bool)
-    for start, stop in kept:
+    for start, stop in max(parts, key=lambda part: sum(stop - start for start, stop in part)):
         stay[start:stop] = True
     return stay
 
@@ -174,20 +185,22 @@ def _said_backward(
     lost = int((~stay).sum())
     part = lost / time.size
     at = int(backward[0])
-    place = f"first from {time[at]:.9g} back to {time[at + 1]:.9g} in row {rows[at + 1] + 1}"
+    times = "" if backward.size == 1 else f"{backward.size} times, first "
+    place = f"{times}from {time[at]:.9g} to {time[at + 1]:.9g} in row {rows[at + 1] + 1}"
     if part <= _FEW or lost <= 1:
         return QualityFinding(
-            "warning", f"{where}: time steps back {backward.size} times, {place}; {lost} rows are dropped for it."
+            "warning",
+            f"{where}: time steps back {place}; {counted(lost, 'row')} dropped for it.",
         )
     if part > 0.5:
         raise InputError(
-            f"{where}: time starts again {backward.size} times, {place}; no part of the log holds half of its rows. "
-            "It looks like several runs in one file: split it there, one file a run."
+            f"{where}: time starts again {place}; no part of the log holds half of its rows. It looks like "
+            "several runs in one file: split it there, one file a run."
         )
     left = np.flatnonzero(stay)
     return QualityFinding(
         "warning",
-        f"{where}: time starts again {backward.size} times, {place}. The longest increasing part is kept (rows "
+        f"{where}: time starts again {place}. The longest increasing part is kept (rows "
         f"{rows[left[0]] + 1} to {rows[left[-1]] + 1}); {lost} of {time.size} rows ({100 * part:.3g} %) are dropped. "
         "If the log holds two runs, split it.",
     )

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, counted
 from pipeline.ingest.mapping import Selection
 from pipeline.ingest.reader import BLOCK_ROWS
 from pipeline.ingest.stamps import Repair, repair
@@ -171,12 +171,13 @@ class StreamInSI:
     def _say(self, timeless: _Tally, infinite: Mapping[str, _Tally]) -> None:
         where = self.clock.where
         if timeless.n:
-            rows = "1 row has" if timeless.n == 1 else f"{timeless.n} rows have"
-            message = f"{where}: {rows} no time (first row {timeless.first_row + 1}) and are dropped."
+            message = (
+                f"{where}: {counted(timeless.n, 'row')} without a time dropped, first row {timeless.first_row + 1}."
+            )
             self.repairs.append(QualityFinding("note" if timeless.n <= 2 else "warning", message))
         for name, tally in infinite.items():
             if tally.n:
-                values = "1 infinite value" if tally.n == 1 else f"{tally.n} infinite values"
+                values = counted(tally.n, "infinite value")
                 message = f"{name}: {values}, first at {tally.first_time:.6g} s, taken as missing."
                 self.repairs.append(QualityFinding("warning", message, channel=name))
 

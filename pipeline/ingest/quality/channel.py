@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.errors import counted
 from pipeline.ingest.mapping import SelectedChannel
 from pipeline.ingest.quality.constant import ConstantStretches, Stretch
 from pipeline.ingest.quality.extremes import Extreme
@@ -17,8 +18,8 @@ from pipeline.recording import Level, QualityFinding
 
 # Units that are mistaken for one another, as (smaller, larger) of the same dimension.
 _MISTAKEN = (
-    ("mm", "m"), ("um", "mm"), ("um", "m"), ("cm", "m"), ("mm", "cm"), ("mm", "inch"), ("N", "kN"), ("mN", "N"),
-    ("N", "kgf"), ("kgf", "kN"), ("deg", "rad"), ("deg", "turn"), ("mT", "T"), ("gauss", "T"), ("mA", "A"), ("mV", "V"),
+    ("mm", "m"), ("um", "mm"), ("um", "m"), ("cm", "m"), ("mm", "cm"), ("mm", "inch"), ("N", "kN"), ("N", "kgf"),
+    ("kgf", "kN"), ("deg", "rad"), ("deg", "turn"), ("mT", "T"), ("gauss", "T"), ("mA", "A"), ("mV", "V"),
     ("Pa", "kPa"), ("kPa", "MPa"), ("Pa", "MPa"), ("kPa", "Pa"), ("Pa", "bar"), ("bar", "MPa"), ("mm/s", "m/s"),
     ("m/s^2", "g_0"), ("mm/s^2", "m/s^2"), ("rpm", "Hz"), ("rpm", "rad/s"), ("deg/s", "rad/s"), ("g", "kg"),
     ("W", "kW"), ("N*mm", "N*m"), ("N*m", "kN*m"), ("N/m", "N/mm"), ("ms", "s"), ("us", "s"), ("%", "1"),
@@ -123,14 +124,14 @@ class ChannelQuality:
         return QualityFinding(level, f"{self.channel.name} {message}", channel=self.channel.name, span=span)
 
     def _value(self, value: float) -> str:
-        return f"{value:.4g} {self.channel.unit}".removesuffix(" 1")
+        return f"{value:.5g} {self.channel.unit}".removesuffix(" 1")
 
     def _said_missing(self) -> list[QualityFinding]:
         if self._gone is None:
             return []
         part = self.missing / self.n
         level: Level = "note" if part <= 1e-3 else "warning"
-        count = "1 sample" if self.missing == 1 else f"{self.missing} samples"
+        count = counted(self.missing, "sample")
         place = f"at {self._gone[0]:.6g} s" if self.missing == 1 else f"first at {self._gone[0]:.6g} s"
         return [self._said(level, f"has no value in {count} ({100 * part:.2g} %), {place}.", self._gone)]
 
@@ -145,8 +146,7 @@ class ChannelQuality:
         levels = " and ".join(self._value(top.level) for top in tops)
         samples = sum(top.samples for top in tops)
         span = (min(top.start for top in tops), max(top.end for top in tops))
-        times = sum(top.tops for top in tops)
-        places = "one flat top" if times == 1 else f"{times} flat tops"
+        places = counted(sum(top.tops for top in tops), "flat top")
         return [
             self._said(
                 "warning",
@@ -185,7 +185,9 @@ class ChannelQuality:
         reached = max(abs(self._upper.level), abs(self._lower.level))
         if reached <= limit:
             return []
-        guess = _mistaken_unit(self.channel, reached, limit)
+        guess = "; check its unit and its calibration."
+        if reached > 3.0 * limit:
+            guess = _mistaken_unit(self.channel, reached, limit) or guess
         return [
             self._said(
                 "warning", f"reaches {self._value(reached)}, more than the plausible {self._value(limit)}{guess}"
@@ -194,7 +196,7 @@ class ChannelQuality:
 
 
 def _mistaken_unit(channel: SelectedChannel, reached: float, limit: float) -> str:
-    """Say which unit the numbers look like, if that of the log is a usual mistake for it."""
+    """Say which unit the numbers look like, if that of the log is a usual mistake for it; else nothing."""
     from pipeline.recording.units import conversion
 
     taken_as = channel.taken_as or channel.unit
@@ -204,4 +206,4 @@ def _mistaken_unit(channel: SelectedChannel, reached: float, limit: float) -> st
             ratio = factor / conversion(smaller, channel.unit).factor
             if ratio > 1.0 and limit / 1e5 < reached / ratio <= limit:
                 return f"; it looks like {smaller} labelled as {taken_as} (factor {ratio:.4g})."
-    return "; check its unit and its calibration."
+    return ""

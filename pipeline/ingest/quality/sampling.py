@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.errors import counted
 from pipeline.recording import Level, QualityFinding
 
 _CHUNK = 1024
@@ -105,16 +106,18 @@ class Sampling:
         self._begins += stamps[: steps.size : steps.shape[1]].tolist()
         self._smallest = min(self._smallest, float(steps.min()))
         self._largest = max(self._largest, float(steps.max()))
-        long = np.flatnonzero(steps.ravel() > np.repeat(_LONG * usual, steps.shape[1]))
-        if long.size <= 0.05 * steps.size or long.size <= 2:
-            for at in long.tolist():
-                self._judge_gap(stamps, at, float(usual[at // steps.shape[1]]))
-        else:
-            self._late += long.size
+        long = steps > _LONG * usual[:, None]
+        often = long.sum(axis=1) > max(0.05 * steps.shape[1], 2)
+        self._late += int(long[often].sum())
+        long[often] = False
+        for at in np.flatnonzero(long).tolist():
+            self._judge_gap(stamps, at, float(usual[at // steps.shape[1]]))
 
     def _judge_gap(self, stamps: np.ndarray, at: int, usual: float) -> None:
-        """Take the long step from row `at` for a gap, unless the steps around it make up for it."""
+        """Take the long step from row `at` for a gap, unless those around make up for it or are long as well."""
         begin, end = max(at - _AROUND, 0), min(at + 1 + _AROUND, stamps.size - 1)
+        if np.median(np.diff(stamps[begin : end + 1])) > _LONG * usual:
+            return
         missing = (stamps[end] - stamps[begin]) / usual - (end - begin)
         if missing < 0.6:
             self._late += 1
@@ -130,7 +133,7 @@ class Sampling:
         """Return what is to be said, at most one finding of each kind."""
         if self.n < 2:
             return []
-        return [*self._said_gaps(), *self._said_rate(), *self._said_spread()]
+        return [*self._said_gaps(), *(self._said_rate() or self._said_spread())]
 
     def _said_gaps(self) -> list[QualityFinding]:
         gap = self._longest
@@ -138,7 +141,7 @@ class Sampling:
             return []
         part = self._lost / (self.n + self._lost)
         level: Level = "note" if gap.lost <= 3 and part <= 5e-3 else "warning"
-        where = f"from {gap.start:.6g} s to {gap.end:.6g} s ({gap.lost} samples)"
+        where = f"from {gap.start:.6g} s to {gap.end:.6g} s ({counted(gap.lost, 'sample')})"
         if self._n_gaps == 1:
             message = f"a gap {where}: {100 * part:.2g} % of the samples are missing."
         else:
