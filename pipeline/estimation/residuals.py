@@ -128,7 +128,13 @@ def normality(residual: np.ndarray) -> Check:
     numbers = f"skewness {skewness:+.2f}, excess kurtosis {excess:+.2f}"
     if p >= SIGNIFICANCE:
         return Check("normality", k2, p, True, f"normally distributed ({numbers})")
-    form = "lopsided" if abs(skewness) > 0.5 else "heavy-tailed" if excess > 0 else "flat, as a sine or a limit"
+    form = (
+        "lopsided"
+        if abs(skewness) > max(0.5, excess / 4)
+        else "heavy-tailed"
+        if excess > 0
+        else "flat, as a sine or a limit"
+    )
     return Check("normality", k2, p, False, f"not normally distributed: {form} ({numbers})")
 
 

@@ -283,10 +283,11 @@ def _sweep(turns: np.ndarray) -> tuple[float, float] | None:
     if turns.size < 12:
         return None
     # Over whole cycles, from one maximum to the next and one minimum to the next alike.
-    frequency = np.log(1 / (turns[3:] - turns[1:-2]))
-    roughness = float(np.median(np.abs(np.diff(frequency))))
-    low, high = np.quantile(frequency, [0.05, 0.95])
-    if high - low < np.log(1.3) or roughness > 0.1 * (high - low):
+    frequency = np.convolve(np.log(1 / (turns[3:] - turns[1:-2])), np.full(3, 1 / 3), "valid")
+    low, high = float(frequency.min()), float(frequency.max())
+    # Up and down again is twice the range; what wanders to and fro is noise.
+    path = float(np.abs(np.diff(frequency)).sum())
+    if high - low < np.log(1.3) or path > 3 * (high - low):
         return None
     return float(np.exp(low)), float(np.exp(high))
 
