@@ -1,0 +1,206 @@
+"""A figure as the page shows it: panels drawn at the sizes at which they are read, and its key.
+
+Each panel is a picture of its own, so that a grid of them reflows to one column on a phone. A
+figure of one column is drawn twice, wide and narrow, and the page shows the one that fits: text
+keeps its size.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from markupsafe import Markup, escape
+
+from pipeline.findings.figures import Axis, Figure, Matrix, Panel
+from pipeline.report.heat_map import label_room, lies_flat
+from pipeline.report.labels import Key, ends, keys
+from pipeline.report.palette import Style, style
+from pipeline.report.panel import Frame, draw_panel, draw_thumbnail, drawing, title_lines, y_label_lines
+from pipeline.report.scale import Scale, equal, extent, scale, unit_for
+from pipeline.report.words import clean, text_width
+
+_MOST_COLUMNS = 4
+_WHOLE_ON_A_PAGE = 12  # panels; a larger figure may break between its rows in print
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How large panels are drawn: width, height, height of equal axes, font size (CSS pixels)."""
+
+    name: str
+    width: float
+    height: float
+    square: float
+    font: float
+
+
+_WIDE = Shape("wide", 780, 330, 560, 13)
+_NARROW = Shape("narrow", 360, 270, 350, 12)
+_SHAPES = {
+    1: (_WIDE, _NARROW),
+    2: (Shape("both", 440, 290, 430, 12.5),),
+    3: (Shape("both", 350, 265, 345, 12.5),),
+    4: (Shape("both", 300, 240, 300, 12.5),),
+}
+
+
+@dataclass(frozen=True)
+class FigureView:
+    """What the template needs of a figure."""
+
+    number: int
+    name: str
+    title: str
+    caption: str
+    alt: str
+    columns: int
+    key: Markup
+    grids: Sequence[tuple[str, Sequence[Markup]]]
+    breaks: bool
+
+
+def figure_view(figure: Figure, number: int) -> FigureView:
+    """Draw a figure. The same figure under the same number gives the same bytes.
+
+    Parameters
+    ----------
+    figure
+        What to show, in SI.
+    number
+        Its number in the page; goes into the ids of the SVG.
+    """
+    columns = max(1, min(figure.columns, len(figure.panels), _MOST_COLUMNS))
+    scales = _scales(figure)
+    grids = []
+    with drawing():
+        for shape in _SHAPES[columns]:
+            frames = _frames(figure, scales, columns, shape)
+            drawn = []
+            for place, (panel, (x, y), frame) in enumerate(zip(figure.panels, scales, frames, strict=True)):
+                if panel.equal and not x.log and not y.log:
+                    x, y = equal(x, y, *frame.inner)
+                salt = _salt(figure.name, number, shape.name, place)
+                drawn.append(draw_panel(panel, x, y, frame, ends(figure, panel, columns), salt))
+            grids.append((shape.name, drawn))
+    return FigureView(
+        number, figure.name, clean(figure.title), clean(figure.caption), _alt(figure), columns,
+        key_markup(keys(figure, columns)), grids, len(figure.panels) > _WHOLE_ON_A_PAGE,
+    )  # fmt: skip
+
+
+def thumbnail(figure: Figure, width: float = 240, height: float = 130) -> Markup:
+    """Draw the first panel of a figure as a small picture without text."""
+    panel = figure.panels[0]
+    x, y = _scales(figure)[0]
+    if panel.equal and not x.log and not y.log:
+        x, y = equal(x, y, width, height)
+    with drawing():
+        return draw_thumbnail(panel, x, y, width, height, _salt(figure.name, 0, "thumbnail", 0))
+
+
+def _salt(*parts: object) -> str:
+    return hashlib.sha256("\0".join(map(str, parts)).encode(errors="replace")).hexdigest()
+
+
+def _alt(figure: Figure) -> str:
+    text = clean(figure.alt) or clean(figure.title)
+    titles = [clean(panel.title) for panel in figure.panels if clean(panel.title)]
+    return f"{text} Panels: {'; '.join(titles)}." if len(titles) > 1 else text
+
+
+def _scales(figure: Figure) -> list[tuple[Scale, Scale]]:
+    along_x = _along(figure, "x", figure.share_x)
+    along_y = _along(figure, "y", figure.share_y)
+    pairs = []
+    for panel, x, y in zip(figure.panels, along_x, along_y, strict=True):
+        if panel.equal and panel.x.unit == panel.y.unit and x.unit != y.unit:
+            larger = max(x.unit, y.unit, key=lambda unit: unit.size)
+            x, y = _converted(x, larger.size / x.unit.size), _converted(y, larger.size / y.unit.size)
+            x, y = (Scale(s.label, larger, s.log, s.low, s.high) for s in (x, y))
+        pairs.append((x, y))
+    return pairs
+
+
+def _converted(one: Scale, factor: float) -> Scale:
+    return one.widened(one.low / factor, one.high / factor)
+
+
+def _along(figure: Figure, direction: str, share: bool) -> list[Scale]:
+    """Return the scale of each panel along x or y; one quantity has one unit in the whole figure."""
+    axes: list[Axis] = [panel.x if direction == "x" else panel.y for panel in figure.panels]
+    extents = [
+        extent(panel.marks, direction, axis.scale == "log") for panel, axis in zip(figure.panels, axes, strict=True)
+    ]
+    made = []
+    for axis, own in zip(axes, extents, strict=True):
+        alike = [found for other, found in zip(axes, extents, strict=True) if other == axis and found]
+        limits = (min(e[0] for e in alike), max(e[1] for e in alike)) if share and alike else own
+        made.append(scale(axis, unit_for(axis, alike), limits))
+    return made
+
+
+def _frames(
+    figure: Figure, scales: Sequence[tuple[Scale, Scale]], columns: int, shape: Shape
+) -> list[Frame]:
+    """Return the frame of each panel; margins agree, so that axes stand under each other."""
+    font = shape.font
+    most_y = int((shape.height - 60) / (3 * font))
+    ticks = [text for _, y in scales for text in y.ticks(most_y)[1]]
+    label_lines = max(len(y_label_lines(y, shape.height, font)) for _, y in scales)
+    left = max((text_width(text, font) for text in ticks), default=20) + 1.25 * font * label_lines + 15
+    labels = [label for panel in figure.panels for label in ends(figure, panel, columns)]
+    right = max((text_width(label, font) * 1.08 for label in labels), default=0) + (12 if labels else 14)
+    lines = max(
+        len(title_lines(panel, Frame(shape.width, 0, font, 0, 0, 0, 0))) for panel in figure.panels
+    )  # fmt: skip
+    top = 10 + (lines * 1.25 * font + 6 if lines else 0)
+    frames = []
+    for panel in figure.panels:
+        matrix = next((mark for mark in panel.marks if isinstance(mark, Matrix)), None)
+        if matrix is not None:
+            frames.append(_matrix_frame(matrix, shape, top))
+        else:
+            height = shape.square if panel.equal else shape.height
+            frames.append(Frame(shape.width, height, font, left, right, top, 2.4 * font + 10))
+    return frames
+
+
+def _matrix_frame(matrix: Matrix, shape: Shape, top: float) -> Frame:
+    font = shape.font
+    left, right = label_room(list(matrix.rows), font), 10.0
+    room = shape.width - left - right
+    cell = min(room / max(len(matrix.columns), 1), 52.0)
+    width = cell * max(len(matrix.columns), 1)
+    bottom = 2 * font if lies_flat(matrix, width, font) else label_room(list(matrix.columns), font)
+    height = top + bottom + max(len(matrix.rows), 1) * min(cell, 40.0)
+    return Frame(shape.width, height, font, left, right + room - width, top, bottom)
+
+
+def key_markup(entries: Sequence[Key]) -> Markup:
+    """Return the key as a list; the swatches show line, dash, marker and band as they are drawn."""
+    if not entries:
+        return Markup()
+    items = Markup().join(
+        Markup("<li>{}<span>{}</span></li>").format(_swatch(entry, style(entry.role)), entry.label)
+        for entry in entries
+    )
+    return Markup('<ul class="key">{}</ul>').format(items)
+
+
+def _swatch(entry: Key, look: Style) -> Markup:
+    colour = f"var(--{look.variable})"
+    parts = Markup()
+    if entry.band:
+        parts += Markup('<rect x="0" y="1" width="30" height="10" fill="{}" fill-opacity=".25"/>').format(colour)
+    if entry.line:
+        dash = Markup(' stroke-dasharray="6 3"') if entry.dashed else ""
+        parts += Markup('<path d="M0 6H30" stroke="{}" stroke-width="{}" fill="none"{}/>').format(
+            colour, escape(f"{look.width:g}"), dash
+        )
+    if entry.points or (entry.line and isinstance(entry.role, int)):
+        parts += Markup('<path d="{}" transform="translate(15 6)" fill="{}"/>').format(look.marker_path, colour)
+    return Markup('<svg viewBox="0 0 30 12" width="30" height="12" aria-hidden="true" focusable="false">{}</svg>').format(
+        parts
+    )

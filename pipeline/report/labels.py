@@ -1,0 +1,96 @@
+"""What names a mark: a word at its end where it runs from left to right, else an entry of the figure's key."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.findings.figures import Band, Figure, Line, Panel, Points, Role
+from pipeline.report.words import clean, text_width
+
+# A word at a line's end must leave the panel to the data.
+_MOST_DIRECT = 6
+_LONGEST_DIRECT = 15
+_PANELS_WITH_REPEATED_WORDS = 2
+
+Named = Line | Points | Band
+
+
+@dataclass(frozen=True)
+class Key:
+    """One entry of a figure's key: what it is called and all that is drawn under that name."""
+
+    label: str
+    role: Role
+    line: bool = False
+    dashed: bool = False
+    points: bool = False
+    band: bool = False
+
+    def also(self, mark: Named) -> Key:
+        """Return the entry with the look of `mark` added."""
+        if isinstance(mark, Line):
+            return replace(self, line=True, dashed=self.dashed or mark.dashed)
+        return replace(self, points=True) if isinstance(mark, Points) else replace(self, band=True)
+
+
+def label_of(mark: Named, named_by_role: bool) -> str:
+    """Return a mark's label; without one, a role that speaks for itself."""
+    return clean(mark.label) or (mark.role if named_by_role and isinstance(mark.role, str) else "")
+
+
+def _roles_differ(panel: Panel) -> bool:
+    """Tell whether marks of several roles (measured, model, ...) need telling apart."""
+    roles = {mark.role for mark in panel.marks if isinstance(mark, Line | Points)}
+    return len({role for role in roles if isinstance(role, str)}) > 1
+
+
+def _labels(panel: Panel) -> set[str]:
+    by_role = _roles_differ(panel)
+    return {label_of(mark, by_role) for mark in panel.marks if isinstance(mark, Line | Points)}
+
+
+def _runs_to_the_right(mark: Named) -> bool:
+    x = np.asarray(mark.x, float)
+    x = x[np.isfinite(x)]
+    return x.size > 0 and bool(np.all(np.diff(x) >= 0))
+
+
+def ends(figure: Figure, panel: Panel, columns: int) -> Mapping[str, Line | Points]:
+    """Return the marks that are named at their right end, by label; the rest belongs to `keys`."""
+    by_role = _roles_differ(panel)
+    drawn = [mark for mark in panel.marks if isinstance(mark, Line | Points) and label_of(mark, by_role)]
+    if columns > 2 or not all(_runs_to_the_right(mark) for mark in drawn):
+        return {}
+    panels_with = Counter(label for other in figure.panels for label in _labels(other))
+    crowded = len(figure.panels) > _PANELS_WITH_REPEATED_WORDS
+    found: dict[str, Line | Points] = {}
+    roles: dict[str, set[Role]] = {}
+    for mark in drawn:
+        label = label_of(mark, by_role)
+        roles.setdefault(label, set()).add(mark.role)
+        if crowded and panels_with[label] > 1 or text_width(label, 1.0) > 0.58 * _LONGEST_DIRECT:
+            return {}
+        if not isinstance(found.get(label), Line):  # the end of a curve says more than its last point
+            found[label] = mark
+    ambiguous = any(len(shared) > 1 for shared in roles.values())
+    return {} if ambiguous or len(found) > _MOST_DIRECT else found
+
+
+def keys(figure: Figure, columns: int) -> list[Key]:
+    """Return the key of a figure: every label that is not written at its mark, once."""
+    found: dict[tuple[str, Role], Key] = {}
+    for panel in figure.panels:
+        by_role = _roles_differ(panel)
+        at_ends = ends(figure, panel, columns)
+        for mark in panel.marks:
+            if not isinstance(mark, Line | Points | Band):
+                continue
+            label = clean(mark.label) if isinstance(mark, Band) else label_of(mark, by_role)
+            if label and label not in at_ends:
+                known = found.get((label, mark.role), Key(label, mark.role))
+                found[label, mark.role] = known.also(mark)
+    return list(found.values())

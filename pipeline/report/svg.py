@@ -1,0 +1,110 @@
+"""matplotlib's SVG made fit to stand inside a page: no outside names, theme colours, fewer bytes.
+
+Works on the parsed tree, so nothing that stands in a text can be taken for markup.
+"""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+from markupsafe import Markup
+
+from pipeline.report.palette import css_colour
+
+_COLOURED = ("fill", "stroke")
+_DROPPED_STYLES = ("font-family", "stroke-linejoin", "stroke-linecap", "font-style")
+_NUMBER = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
+
+
+def inline(svg: str) -> Markup:
+    """Return the drawing as an ``<svg class="panel">`` that scales with its box and is silent to screen readers.
+
+    The figure around it carries the alternative text. Ids of groups are dropped; those that are
+    referred to depend on ``svg.hashsalt``, which the caller sets to something unique in the page.
+    """
+    root = ElementTree.fromstring(svg)
+    view = root.get("viewBox", "")
+    _strip(root)
+    _lighten(root)
+    root.attrib = {"class": "panel", "viewBox": view, "aria-hidden": "true", "focusable": "false"}
+    return Markup(ElementTree.tostring(root, encoding="unicode"))
+
+
+def _strip(element: ElementTree.Element) -> None:
+    """Remove namespaces, metadata, style sheets and ids that nothing refers to."""
+    element.tag = element.tag.rpartition("}")[2]
+    element.attrib = {name.rpartition("}")[2]: value for name, value in element.attrib.items()}
+    if element.tag != "text":
+        element.text = None
+    element.tail = None
+    if element.tag == "g":
+        element.attrib.pop("id", None)
+    for child in list(element):
+        if child.tag.rpartition("}")[2] in ("metadata", "style"):
+            element.remove(child)
+        else:
+            _strip(child)
+
+
+def _lighten(element: ElementTree.Element) -> None:
+    for child in list(element):
+        _lighten(child)
+    _shorten_attributes(element)
+    if element.tag == "g":
+        _share_style(element)
+    children: list[ElementTree.Element] = []
+    for child in element:
+        if child.tag == "g" and not child.attrib:
+            children.extend(child)
+        elif len(child) or child.tag not in ("g", "defs"):
+            children.append(child)
+    element[:] = children
+
+
+def _shorten_attributes(element: ElementTree.Element) -> None:
+    attributes = element.attrib
+    if "style" in attributes:
+        attributes["style"] = _style(attributes["style"])
+    if "d" in attributes:
+        attributes["d"] = _path(attributes["d"])
+    if attributes.get("transform", "").startswith(("rotate(-0 ", "rotate(0 ")):
+        del attributes["transform"]
+    for name in ("x", "y", "width", "height", "transform"):
+        if name in attributes:
+            attributes[name] = _NUMBER.sub(_two_decimals, attributes[name])
+
+
+def _style(text: str) -> str:
+    kept = []
+    for entry in text.split(";"):
+        name, _, value = (part.strip() for part in entry.partition(":"))
+        if name and name not in _DROPPED_STYLES:
+            kept.append(f"{name}:{css_colour(value) if name in _COLOURED else value}")
+    return ";".join(kept)
+
+
+def _path(text: str) -> str:
+    """Return path data to a tenth of a point, straight segments without their letter."""
+    short = " ".join(_NUMBER.sub(_one_decimal, text).split())
+    if "C" not in short and "Q" not in short:
+        short = short.replace("L ", "")
+    return re.sub(r" ?([MCQzL]) ?", r"\1", short)
+
+
+def _one_decimal(number: re.Match[str]) -> str:
+    return f"{float(number[0]):.1f}".removesuffix(".0")
+
+
+def _two_decimals(number: re.Match[str]) -> str:
+    return f"{float(number[0]):.2f}".rstrip("0").rstrip(".")
+
+
+def _share_style(group: ElementTree.Element) -> None:
+    """Move a style that all markers of a group repeat to the group."""
+    markers = [child for child in group if child.tag == "use"]
+    styles = {marker.get("style", "") for marker in markers}
+    if len(markers) > 1 and len(styles) == 1 and len(markers) + len(group.findall("defs")) == len(group):
+        group.set("style", ";".join(filter(None, (group.get("style", ""), *styles))))
+        for marker in markers:
+            marker.attrib.pop("style", None)

@@ -1,0 +1,47 @@
+"""Text that comes from logs and recipes, made fit to be shown: no control signs, known width, broken into lines."""
+
+from __future__ import annotations
+
+import unicodedata
+
+
+def clean(text: str) -> str:
+    """Return `text` on one line, without control signs, lone surrogates and signs that turn the reading direction."""
+    kept = (" " if sign.isspace() else sign for sign in text if sign.isspace() or _shows(sign))
+    return "".join(kept).strip()
+
+
+def _shows(sign: str) -> bool:
+    return unicodedata.category(sign) not in ("Cc", "Cs", "Co", "Cn") and not (
+        "\u202a" <= sign <= "\u202e" or "\u2066" <= sign <= "\u2069"
+    )
+
+
+def text_width(text: str, size: float) -> float:
+    """Return about how wide `text` is at font `size`: on the wide side, so that nothing is clipped."""
+    return size * sum(
+        0.0 if unicodedata.combining(sign) else 1.0 if unicodedata.east_asian_width(sign) in "WF" else 0.58
+        for sign in text
+    )
+
+
+def shortened(text: str, width: float, size: float) -> str:
+    """Return `text`, or its beginning and an ellipsis where it is wider than `width`."""
+    if text_width(text, size) <= width:
+        return text
+    while text and text_width(text + "…", size) > width:
+        text = text[:-1]
+    return text.rstrip() + "…"
+
+
+def wrapped(text: str, width: float, size: float, lines: int = 2) -> list[str]:
+    """Break `text` between words into at most `lines` lines of `width`; what is too long ends in an ellipsis."""
+    broken: list[str] = []
+    for word in clean(text).split(" "):
+        if broken and text_width(f"{broken[-1]} {word}", size) <= width:
+            broken[-1] += f" {word}"
+        else:
+            broken.append(word)
+    if len(broken) > lines:
+        broken[lines - 1 :] = [" ".join(broken[lines - 1 :])]
+    return [shortened(line, width, size) for line in broken if line]
