@@ -7,7 +7,7 @@ Convention: x(t) = offset + Re sum_h X_h exp(j h 2 pi f t), with t as given (abs
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,11 +15,11 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from pipeline.errors import InputError
+from pipeline.estimation.harmonic_columns import Regression, exponentials, in_blocks, scaled
+from pipeline.estimation.uncertainty import effective_size
 from pipeline.signals.periodogram import block_means, strongest_line
 
-# Rows that are held at a time: 31 columns of them stay within the cache and far below the memory.
-_ROWS = 1 << 14
-# Block means this fine lose no information on a frequency (0.1 % of the amplitude of order 5).
+# Block means this fine lose no information on a frequency (1 % of the amplitude of order 5).
 _SAMPLES_A_CYCLE = 64
 
 
@@ -76,8 +76,6 @@ class HarmonicFit:
 
         It holds for the mean and for slow terms; `covariance` divided by it is the widened one.
         """
-        from pipeline.estimation.uncertainty import effective_size
-
         kept = self.residual[np.isfinite(self.residual)]
         return effective_size(kept) / int(kept.size)
 
@@ -85,14 +83,14 @@ class HarmonicFit:
         """Return the harmonics alone (no offset, no drift) at `time` (s), same shape."""
         time = np.asarray(time, dtype=float)
         values = np.empty(time.size)
-        for rows, cycles in _blocks(time.ravel(), self.frequency):
-            values[rows] = (self.coefficients @ _exponentials(cycles, self.orders)).real
+        for rows, cycles in in_blocks(time.ravel(), self.frequency):
+            values[rows] = (self.coefficients @ exponentials(cycles, self.orders)).real
         return values.reshape(time.shape)
 
     def curve(self, time: np.ndarray) -> np.ndarray:
         """Return offset, drift and harmonics at `time` (s), same shape; the drift is extrapolated."""
         time = np.asarray(time, dtype=float)
-        level = legendre.legval(_scaled(time, self.span), np.r_[self.offset, self.drift])
+        level = legendre.legval(scaled(time, self.span), np.r_[self.offset, self.drift])
         return np.asarray(level + self.periodic(time))
 
 
@@ -141,11 +139,11 @@ def fit_harmonics(
         )
     span = (float(t.min()), float(t.max()))
     mean = x.mean()  # a large offset would cost digits of the small harmonics
-    regression = _Regression(t, x - mean, frequency, multiples, drift, span)
+    regression = Regression(t, x - mean, frequency, multiples, drift, span)
     solution = regression.solution
     residual = x - mean - regression.apply(solution)
     if regression.condition > 1e3:
-        correction = _Regression(t, residual, frequency, multiples, drift, span).solution
+        correction = Regression(t, residual, frequency, multiples, drift, span).solution
         solution = solution + correction
         residual = residual - regression.apply(correction)
     sigma = float(np.sqrt(residual @ residual / (t.size - columns)))
@@ -201,7 +199,7 @@ def fundamental(time: np.ndarray, values: np.ndarray, guess: float | None = None
     line = _by_phase_advance(t, x, line)
     order = 1 if guess is not None else _order_of(line, t, x)
     value = line / order
-    t, x = block_means(t, x, int(0.5 / np.median(np.diff(t)) / (_SAMPLES_A_CYCLE * value)))
+    t, x = block_means(t, x, int(1 / np.median(np.diff(t)) / (_SAMPLES_A_CYCLE * value)))
     whole_cycles = int(value * (t[-1] - t[0]))  # few of them cannot tell harmonics from drift
     highest = max(order, min(5, int(0.45 / np.median(np.diff(t)) / value), (t.size - 4) // 4, whole_cycles))
     return _refined(t, x, value, order, np.arange(1.0, highest + 1))
@@ -228,6 +226,9 @@ def _order_of(line: float, time: np.ndarray, values: np.ndarray) -> int:
     time, values = block_means(time, values, int(1 / np.median(np.diff(time)) / (40 * line)))
     cycles, half_rate = line * (time[-1] - time[0]), 0.45 / float(np.median(np.diff(time)))
     halves = (slice(None, time.size // 2), slice(time.size // 2, None))
+    alone = fit_harmonics(time, values, line, np.arange(1, max(min(3, int(half_rate / line)), 1) + 1), 2)
+    if alone.sigma**2 < 0.005 * (np.abs(alone.coefficients) ** 2).sum() / 2:
+        return 1  # no room for anything else
     shares = {1: 0.01}
     for k in range(2, 7):
         orders = np.arange(1, min(3 * k, int(half_rate * k / line)) + 1)
@@ -252,10 +253,10 @@ def _refined(time: np.ndarray, values: np.ndarray, value: float, order: int, ord
     fit = fit_harmonics(time, values, value, orders, drift=1)
     for _ in range(20):
         slope = np.empty(time.size)
-        for rows, cycles in _blocks(time, value):
-            turning = 2j * np.pi * orders * fit.coefficients @ _exponentials(cycles, orders)
+        for rows, cycles in in_blocks(time, value):
+            turning = 2j * np.pi * orders * fit.coefficients @ exponentials(cycles, orders)
             slope[rows] = turning.real * centred[rows]
-        projection = _Regression(time, slope, value, orders, 1, span)
+        projection = Regression(time, slope, value, orders, 1, span)
         slope -= projection.apply(projection.solution)
         information = float(slope @ slope)
         step = float(np.clip(slope @ fit.residual / information, -0.3 / duration, 0.3 / duration))
@@ -268,16 +269,21 @@ def _refined(time: np.ndarray, values: np.ndarray, value: float, order: int, ord
             break
     if value * duration < 0.9:
         raise InputError(f"{value * duration:.2f} cycles were logged; one full cycle is needed to find its frequency.")
-    return Frequency(value, _noise_near(time, fit, order) / float(np.sqrt(information)))
+    return Frequency(value, noise_beside(time, fit, order) / float(np.sqrt(information)))
 
 
-def _noise_near(time: np.ndarray, fit: HarmonicFit, order: int) -> float:
+def noise_beside(time: np.ndarray, fit: HarmonicFit, order: int) -> float:
     """Return the sd of white noise as strong as the residual is beside the line of that order.
+
+    ``noise_beside(...) * sqrt(2 / n)`` is the standard error of Re X_h and Im X_h under a coloured
+    residual. `time` are the stamps that were fitted, shape (n,).
 
     Mean of the periodogram 2 to 21 lines of 1/T away, between the harmonics; the residual's sd where
     that mean does not differ from it. In very short records no line is left between the harmonics:
     there the sd is widened by the autocorrelation.
     """
+    kept = np.isfinite(fit.residual)
+    time, residual = time[kept], fit.residual[kept]
     resolution = 1 / (fit.span[1] - fit.span[0])
     away = np.r_[-21:-1, 2:22] * resolution + order * fit.frequency
     distance = np.abs(away[:, None] - np.r_[0, fit.orders * fit.frequency]).min(axis=1)
@@ -285,78 +291,7 @@ def _noise_near(time: np.ndarray, fit: HarmonicFit, order: int) -> float:
     beside = away[(away > 0.75 * resolution) & (away < half_rate) & (distance > 1.25 * resolution)]
     if beside.size < 6:
         return fit.sigma / float(np.sqrt(fit.effective_fraction))
-    power = np.mean([abs(np.exp(-2j * np.pi * f * time) @ fit.residual) ** 2 / time.size for f in beside])
+    power = np.mean([abs(np.exp(-2j * np.pi * f * time) @ residual) ** 2 / time.size for f in beside])
     if fit.sigma > 0 and abs(np.log(power / fit.sigma**2)) < 2.5 / np.sqrt(beside.size):
         return fit.sigma
     return float(np.sqrt(power))
-
-
-def _scaled(time: np.ndarray, span: tuple[float, float]) -> np.ndarray:
-    """Return time mapped so that `span` becomes -1..1."""
-    return (time - 0.5 * (span[0] + span[1])) / max(0.5 * (span[1] - span[0]), 1e-300)
-
-
-def _blocks(time: np.ndarray, frequency: float) -> Iterator[tuple[slice, np.ndarray]]:
-    """Yield rows and the cycles passed since t = 0, block by block."""
-    for start in range(0, time.size, _ROWS):
-        rows = slice(start, start + _ROWS)
-        yield rows, frequency * time[rows]
-
-
-def _exponentials(cycles: np.ndarray, orders: np.ndarray) -> np.ndarray:
-    """Return exp(j h 2 pi cycles), shape (k, n); consecutive orders by multiplication."""
-    out = np.empty((orders.size, cycles.size), dtype=complex)
-    step = np.exp(2j * np.pi * (cycles % 1.0))
-    for k, order in enumerate(orders):
-        if k % 16 and order == orders[k - 1] + 1:
-            np.multiply(out[k - 1], step, out=out[k])
-        else:
-            out[k] = step if order == 1 else np.exp(2j * np.pi * ((order * cycles) % 1.0))
-    return out
-
-
-class _Regression:
-    """Columns [1, drift, cos, -sin, ...] and the least-squares solution by their normal equations."""
-
-    def __init__(
-        self,
-        time: np.ndarray,
-        values: np.ndarray,
-        frequency: float,
-        orders: np.ndarray,
-        drift: int,
-        span: tuple[float, float],
-    ) -> None:
-        self.time, self.frequency, self.orders, self.drift, self.span = time, frequency, orders, drift, span
-        count = 1 + drift + 2 * orders.size
-        gram, product = np.zeros((count, count)), np.zeros(count)
-        for rows, columns in self.blocks():
-            gram += columns @ columns.T
-            product += columns @ values[rows]
-        # A column that vanishes at all samples (a sine at half the rate) must not be blown up.
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-12 * time.size))
-        eigenvalues, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-        if not eigenvalues[0] > 1e-11 * eigenvalues[-1]:
-            cycles = frequency * (span[1] - span[0])
-            raise InputError(
-                f"the samples cannot tell {orders.size} harmonics of {frequency:.6g} Hz apart: {cycles:.2f} cycles "
-                f"were logged with {time.size / max(cycles, 1e-9):.1f} samples a cycle. Fit fewer orders or log longer."
-            )
-        self.condition = float(eigenvalues[-1] / eigenvalues[0])
-        self.inverse = (vectors / eigenvalues) @ vectors.T / np.outer(scale, scale)
-        self.solution = self.inverse @ product
-
-    def blocks(self) -> Iterator[tuple[slice, np.ndarray]]:
-        """Yield rows and their columns of the design matrix, shape (columns, rows), block by block."""
-        first = 1 + self.drift
-        for rows, cycles in _blocks(self.time, self.frequency):
-            columns = np.empty((first + 2 * self.orders.size, cycles.size))
-            columns[:first] = legendre.legvander(_scaled(self.time[rows], self.span), self.drift).T
-            turning = _exponentials(cycles, self.orders)
-            columns[first::2] = turning.real
-            np.negative(turning.imag, out=columns[first + 1 :: 2])
-            yield rows, columns
-
-    def apply(self, solution: np.ndarray) -> np.ndarray:
-        """Return the fitted curve at the stamps."""
-        return np.concatenate([solution @ columns for _, columns in self.blocks()])

@@ -89,12 +89,14 @@ def _few_cycles(scaled: np.ndarray, x: np.ndarray, low: float, high: float) -> t
     """Return cycles a record and the sum of squares that [1, t, cos, sin] explains."""
     t, x = block_means(scaled, x, scaled.size // 1024)
     cycles = np.arange(low, high, 0.1)
-    power = np.empty(cycles.size)
+    angle = 2 * np.pi * cycles[:, None] * t
+    columns = np.stack([np.ones_like(angle), np.broadcast_to(t, angle.shape), np.cos(angle), np.sin(angle)], axis=1)
+    products = columns @ x
+    # A trace of damping: at a fraction of a cycle the columns are nearly dependent.
+    gram = columns @ columns.transpose(0, 2, 1) + 1e-9 * t.size * np.eye(4)
+    power = (products * np.linalg.solve(gram, products[..., None])[..., 0]).sum(axis=1)
     scale = scaled.size / t.size  # a block mean stands for this many samples
-    for i, number in enumerate(cycles):
-        left = _without(t, x, number)
-        power[i] = scale * (x @ x - left @ left)
-    return cycles, power
+    return cycles, scale * power
 
 
 def _many_cycles(scaled: np.ndarray, x: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:

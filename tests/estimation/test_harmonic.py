@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.estimation.harmonic import fit_harmonics, fundamental
+from pipeline.estimation.harmonic import fit_harmonics, fundamental, noise_beside
 
 
 def periodic(t, f, phase=0.4):
@@ -96,6 +96,20 @@ def test_effective_fraction_tells_the_correlation_time_of_the_residual():
     slow = fit_harmonics(t, periodic(t, 5.0) + coloured(rng, t.size), 5.0, [1, 2, 3])
     assert white.effective_fraction > 0.9
     assert slow.effective_fraction == pytest.approx((1 - 0.9) / (1 + 0.9), rel=0.3)
+
+
+def test_noise_beside_a_line_gives_errors_that_cover_under_coloured_noise():
+    rng = np.random.default_rng(7)
+    t = np.arange(3000) / 500
+    hits = []
+    for _ in range(200):
+        x = periodic(t, 5.0) + 0.5 * coloured(rng, t.size)
+        x[700:720] = np.nan
+        fit = fit_harmonics(t, x, 5.0, [1, 2, 3])
+        errors = np.array([noise_beside(t, fit, order) for order in (1, 2, 3)]) * np.sqrt(2 / fit.n)
+        hits.append(np.abs((fit.coefficients - coefficients()).real) < 1.96 * errors)
+    share = np.mean(hits, axis=0)
+    assert np.all((share >= 0.90) & (share <= 0.99))
 
 
 @pytest.mark.parametrize(
