@@ -95,7 +95,7 @@ class StreamInSI:
         return said
 
     def _again(self) -> Iterator[Block]:
-        return rebatched(self.selection.source.table.blocks(self._names), BLOCK_ROWS)
+        return rebatched(self.selection.source.table.blocks(self._names))
 
     @property
     def _time_name(self) -> list[str]:
@@ -108,7 +108,7 @@ class StreamInSI:
         row, passed, last = 0, 0, -np.inf
         used = 0
         for block in blocks:
-            size = next(iter(block.values())).size if block else 0
+            size = _rows(block)
             if mended is not None:
                 keep = mended.keep[row : row + size]
                 count = int(np.count_nonzero(keep))
@@ -200,36 +200,38 @@ class _Tally:
         self.n += found
 
 
-def rebatched(blocks: Iterator[Block], rows: int) -> Iterator[Block]:
-    """Join small blocks and split large ones so that most have about `rows` rows; order and content stay."""
+def rebatched(blocks: Iterator[Block], least: int = BLOCK_ROWS // 8, most: int = BLOCK_ROWS) -> Iterator[Block]:
+    """Join blocks of fewer than `least` rows and split those of more than `most`; order and content stay."""
     waiting: list[Block] = []
     held = 0
     for block in blocks:
-        size = next(iter(block.values())).size if block else 0
-        if not size:
-            continue
+        held += _rows(block)
         waiting.append(block)
-        held += size
-        if held >= rows // 2:
-            yield from _split(_joined(waiting), rows)
+        if held >= least:
+            yield from _split(_joined(waiting), most)
             waiting, held = [], 0
-    if waiting:
-        yield from _split(_joined(waiting), rows)
+    if held:
+        yield from _split(_joined(waiting), most)
+
+
+def _rows(block: Block) -> int:
+    return next(iter(block.values())).size if block else 0
 
 
 def _joined(blocks: list[Block]) -> Block:
+    blocks = [block for block in blocks if _rows(block)]
     if len(blocks) == 1:
         return blocks[0]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
 
-def _split(block: Block, rows: int) -> Iterator[Block]:
-    size = next(iter(block.values())).size
-    if size <= 2 * rows:
+def _split(block: Block, most: int) -> Iterator[Block]:
+    size = _rows(block)
+    if size <= most:
         yield block
         return
-    for start in range(0, size, rows):
-        yield {name: values[start : start + rows] for name, values in block.items()}
+    for start in range(0, size, most):
+        yield {name: values[start : start + most] for name, values in block.items()}
 
 
 def _same_as_before(values: np.ndarray) -> np.ndarray:
