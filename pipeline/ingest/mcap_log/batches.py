@@ -178,9 +178,9 @@ def _batch(data: bytes, starts: np.ndarray, lengths: np.ndarray) -> Batch:
 
 def _portions(segments: Sequence[Segment]) -> list[list[Segment]]:
     portions: list[list[Segment]] = []
-    filled = _PORTION_BYTES
+    filled = 0
     for segment in segments:
-        if filled + segment.size > _PORTION_BYTES:
+        if not portions or filled + segment.size > _PORTION_BYTES:
             portions.append([])
             filled = 0
         portions[-1].append(segment)

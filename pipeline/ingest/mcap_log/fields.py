@@ -11,6 +11,7 @@ from pipeline.errors import listing
 from pipeline.ingest.mcap_log import arrays
 from pipeline.ingest.mcap_log.arrays import LONGEST_VECTOR, Lists
 from pipeline.ingest.mcap_log.columns import Column, Columns, Path, are_texts
+from pipeline.ingest.mcap_log.records import printable
 
 _STAMPS = ({"sec", "nanosec"}, {"sec", "nsec"}, {"secs", "nsecs"}, {"seconds", "nanos"})
 
@@ -57,7 +58,7 @@ class Plan:
 
 def channel_name(path: Path) -> str:
     """Return the dotted name of a path; a message that is a bare number is called ``value``."""
-    return ".".join(path) or "value"
+    return printable(".".join(path)) or "value"
 
 
 def plan(samples: Sequence[tuple[int, Columns]], fixed: Mapping[Path, int]) -> Plan:

@@ -60,6 +60,11 @@ class ChunkHead:
     data_length: int
 
 
+def printable(text: str) -> str:
+    """Return a name as it may stand in a message: without line ends and other control characters."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else "\ufffd" for c in text)
+
+
 class _Cursor:
     """Reads one body from front to back; raises MalformedError where it is too short."""
 
@@ -79,11 +84,14 @@ class _Cursor:
     def text(self) -> str:
         return self.take(self.number(4)).decode("utf-8", "replace")
 
+    def name(self) -> str:
+        return printable(self.text())
+
     def pairs(self) -> dict[str, str]:
         end = self.number(4) + self.at
         found: dict[str, str] = {}
         while self.at < end:
-            key = self.text()
+            key = self.name()
             found[key] = self.text()
         return found
 
@@ -91,25 +99,25 @@ class _Cursor:
 def header(body: bytes) -> tuple[str, str]:
     """Return profile and library."""
     cursor = _Cursor(body)
-    return cursor.text(), cursor.text()
+    return cursor.name(), cursor.name()
 
 
 def schema(body: bytes) -> Schema:
     """Return the schema that `body` holds."""
     cursor = _Cursor(body)
-    return Schema(cursor.number(2), cursor.text(), cursor.text(), cursor.take(cursor.number(4)))
+    return Schema(cursor.number(2), cursor.name(), cursor.name(), cursor.take(cursor.number(4)))
 
 
 def channel(body: bytes) -> Channel:
     """Return the channel that `body` holds."""
     cursor = _Cursor(body)
-    return Channel(cursor.number(2), cursor.number(2), cursor.text(), cursor.text(), cursor.pairs())
+    return Channel(cursor.number(2), cursor.number(2), cursor.name(), cursor.name(), cursor.pairs())
 
 
 def metadata(body: bytes) -> tuple[str, dict[str, str]]:
     """Return name and pairs of a metadata record."""
     cursor = _Cursor(body)
-    return cursor.text(), cursor.pairs()
+    return cursor.name(), cursor.pairs()
 
 
 def message_index(body: bytes) -> tuple[int, int]:
@@ -147,6 +155,6 @@ def chunk_head(body: bytes) -> ChunkHead:
     """Return the head of a chunk; `body` may end anywhere in the chunk's data."""
     cursor = _Cursor(body)
     start_time, end_time, size, crc = _CHUNK_HEAD.unpack(cursor.take(_CHUNK_HEAD.size))
-    compression = cursor.text()
+    compression = cursor.name()
     length = cursor.number(8)
     return ChunkHead(start_time, end_time, size, crc, compression, cursor.at, length)

@@ -67,7 +67,7 @@ class _Parser:
     def expect(self, token: str) -> None:
         found = self.next()
         if found != token:
-            raise DefinitionError(f"its IDL has '{found}' where '{token}' was expected")
+            raise DefinitionError(f"its IDL has {found[:40]!r} where '{token}' was expected")
 
     def annotations(self) -> str | None:
         """Skip annotations; return the value of ``@unit`` if there is one."""
@@ -114,7 +114,7 @@ class _Parser:
             elif token == "const":
                 self.constant(scope)
             elif token != ";":
-                raise DefinitionError(f"its IDL has '{token}', which is not supported")
+                raise DefinitionError(f"its IDL has {token[:40]!r}, which is not supported")
 
     def skip_braces(self) -> None:
         self.expect("{")
@@ -168,7 +168,7 @@ class _Parser:
     def length(self, token: str) -> int:
         text = self.constants.get(token, token)
         if not text.isdigit():
-            raise DefinitionError(f"its IDL has '{token}' where a length was expected")
+            raise DefinitionError(f"its IDL has {token[:40]!r} where a length was expected")
         return array_length(text)
 
     def type(self, scope: tuple[str, ...]) -> Type:
@@ -211,4 +211,4 @@ class _Parser:
                 return found
         if parts[-1] in ("Time", "Duration"):
             return Struct("/".join(parts), [("sec", Primitive("i4")), ("nanosec", Primitive("u4"))])
-        raise DefinitionError(f"the type '{'::'.join(parts)}' is not defined before its use")
+        raise DefinitionError(f"the type {'::'.join(parts)[:80]!r} is not defined before its use")

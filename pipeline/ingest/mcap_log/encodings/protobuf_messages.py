@@ -36,11 +36,11 @@ class ProtobufDecoder:
             record = McapSchema(id=schema.id, data=schema.data, encoding="protobuf", name=schema.name)
             parse = DecoderFactory().decoder_for("protobuf", record)
         except (McapError, TypeError, KeyError, ValueError) as error:
-            raise DefinitionError(f"its Protobuf description is damaged ({error})") from error
+            raise DefinitionError(f"its Protobuf description is damaged ({_one_line(error)})") from error
         except Exception as error:  # google's DecodeError derives from Exception only
             if type(error).__name__ != "DecodeError":
                 raise
-            raise DefinitionError(f"its Protobuf description is damaged ({error})") from error
+            raise DefinitionError(f"its Protobuf description is damaged ({_one_line(error)})") from error
         if parse is None:
             raise DefinitionError("its Protobuf description is missing")
         self._parse: Callable[[bytes], Any] = parse
@@ -94,4 +94,8 @@ def _is_repeated(descriptor: Any) -> bool:
 
 def _is_map(descriptor: Any) -> bool:
     kind = descriptor.message_type
-    return kind is not None and kind.GetOptions().map_entry
+    return bool(kind is not None and kind.GetOptions().map_entry and _is_repeated(descriptor))
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

@@ -106,7 +106,7 @@ class _Resolver:
                 continue
             match = _FIELD.match(line)
             if not match:
-                raise DefinitionError(f"'{line}' in the type '{name}' is no field")
+                raise DefinitionError(f"{line[:80]!r} in the type '{name}' is no field")
             kind, _, many, member, constant = match.groups()
             if not constant:
                 result.members.append((member, self.member(kind, many, name.split("/")[0])))
@@ -140,7 +140,7 @@ class _Resolver:
             return Struct(name, [("secs", part), ("nsecs", part)])
         if self.ros == 2 and kind in ("Time", "Duration"):
             return Struct(name, [("sec", Primitive("i4")), ("nanosec", Primitive("u4"))])
-        raise DefinitionError(f"the type '{name}' is not defined")
+        raise DefinitionError(f"the type {name[:80]!r} is not defined")
 
 
 def array_length(text: str) -> int:
