@@ -41,6 +41,8 @@ def t_quantile(dof: float, level: float = 0.95) -> float:
     >>> round(t_quantile(1), 2), round(t_quantile(math.inf), 3)
     (12.71, 1.96)
     """
+    if level == 0.95 and not dof < 1e5:
+        return 1.959963984540054  # spares the import
     from scipy.special import ndtri, stdtrit
 
     upper = 0.5 + 0.5 * level

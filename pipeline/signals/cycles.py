@@ -87,9 +87,9 @@ class Cycles:
     @property
     def simple_share(self) -> float:
         """Share of the first cycle's power that three harmonics hold, a straight drift set aside."""
-        phase = (np.arange(_POINTS) + 0.5) / _POINTS
+        phase = (np.arange(self.shape.shape[1]) + 0.5) / self.shape.shape[1]
         turning = 2 * np.pi * phase[:, None] * np.arange(1, 4)
-        drift = np.stack([np.ones(_POINTS), phase], axis=1)
+        drift = np.stack([np.ones_like(phase), phase], axis=1)
         wave = self.shape[0]
         left = [
             wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]
@@ -116,7 +116,7 @@ class Cycles:
         return float(((self.shape[counted] / size[counted, None]).mean(axis=0) ** 2).sum())
 
 
-def cut(time: np.ndarray, values: np.ndarray, start: float, end: float, frequency: float) -> Cycles:
+def cut(time: np.ndarray, values: np.ndarray, start: float, end: float, frequency: float, waves: int = 1) -> Cycles:
     """Cut the stretch from `start` to `end` (s) into whole cycles, correcting the frequency on the way.
 
     Parameters
@@ -125,23 +125,25 @@ def cut(time: np.ndarray, values: np.ndarray, start: float, end: float, frequenc
         Stamps (s, increasing) and finite samples, shape (n,).
     frequency
         Hz, to better than half a cycle over the stretch.
+    waves
+        How many times finer than usual a cycle is resampled: for cycles that hold several waves.
     """
-    step = float(np.median(np.diff(time)))
-    cycles = _resampled(time, values, start, end, frequency, step)
+    cycles = _resampled(time, values, start, end, frequency, waves * _POINTS)
     for _ in range(3):
         correction = _frequency_error(cycles)
         if abs(correction) * (end - start) < 1e-4:
             break
         frequency += correction
-        cycles = _resampled(time, values, start, end, frequency, step)
+        cycles = _resampled(time, values, start, end, frequency, waves * _POINTS)
     return cycles
 
 
-def _resampled(time: np.ndarray, values: np.ndarray, start: float, end: float, frequency: float, step: float) -> Cycles:
-    thin_time, thin_values = block_means(time, values, int(1 / (step * 2 * _POINTS * frequency)))
+def _resampled(time: np.ndarray, values: np.ndarray, start: float, end: float, frequency: float, points: int) -> Cycles:
+    step = float(np.median(np.diff(time)))
+    thin_time, thin_values = block_means(time, values, int(1 / (step * 2 * points * frequency)))
     # The last cycle may lack a hair: the record ends one step early, the frequency is rounded.
     count = max(int((end - start + step) * frequency + 0.02), 1)
-    phase = (np.arange(_POINTS) + 0.5) / _POINTS
+    phase = (np.arange(points) + 0.5) / points
     at = start + (np.arange(count)[:, None] + phase) / frequency
     # A gap of a quarter cycle spoils a cycle; the last instants may lie beyond the last sample.
     wave = interpolated(thin_time, thin_values, np.minimum(at, thin_time[-1]), 0.25 / frequency + 2 * step)
@@ -152,7 +154,8 @@ def _resampled(time: np.ndarray, values: np.ndarray, start: float, end: float, f
 
 def _frequency_error(cycles: Cycles) -> float:
     """Return by how much the frequency is wrong, Hz, from the phase gained from cycle to cycle."""
-    phase = (np.arange(_POINTS) + 0.5) / _POINTS
+    points = cycles.shape.shape[1]
+    phase = (np.arange(points) + 0.5) / points
     whole = np.isfinite(cycles.shape).all(axis=1)
     # The strongest of the first orders: the fundamental may be weak.
     lines = cycles.shape @ np.exp(-2j * np.pi * phase[:, None] * np.arange(1, 5))

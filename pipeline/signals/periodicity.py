@@ -173,7 +173,8 @@ def _noise(x: np.ndarray) -> float:
 def _is_white(x: np.ndarray) -> bool:
     """Tell noise from motion that is sampled so coarsely that differences take it for noise."""
     centred = x - x.mean()
-    return bool((centred[1:] * centred[:-1]).sum() < 0.5 * (centred**2).sum())
+    lags = range(1, min(12, x.size // 3))
+    return all(abs(centred[lag:] @ centred[:-lag]) < 0.5 * (centred @ centred) for lag in lags)
 
 
 def _first_motion(t: np.ndarray, x: np.ndarray, span: float, sigma: float) -> float:
@@ -221,8 +222,8 @@ def _periodic(part: _Part) -> tuple[Cycles | None, str]:
     for multiple in (2, 3, 4):  # the strongest line may be a harmonic of the true period
         if duration * line / multiple < 1.98:
             break
-        longer = cut(part.t, part.x, part.start, part.end, line / multiple)
-        if 1 - longer.similarity < 0.5 * (1 - best.similarity) and best.similarity < 0.995:
+        longer = cut(part.t, part.x, part.start, part.end, line / multiple, waves=multiple)
+        if 1 - longer.similarity < 0.5 * (1 - best.similarity) and best.similarity < 0.99:
             best = longer
     if best.count == 1:
         share = best.simple_share
@@ -245,12 +246,13 @@ def _described(part: _Part, cycles: Cycles) -> Excitation:
         told.append(f"no two cycles are alike: the amplitude changes by {100 * change:.0f} %")
     elif steady < cycles.count:
         where = f"cycles {first + 1} to {last} of {cycles.count} are steady"
-        where = f"the first {first} of {cycles.count} cycles are not steady yet" if last == cycles.count else where
+        if last == cycles.count:
+            where = f"{_counted(first, cycles.count)} not steady yet"
         told.append(f"{where}; over all of them the amplitude changes by {100 * change:.0f} %")
     if drift > TOLERANCE:
         told.append(f"the mean drifts by {drift * typical:.3g}, {100 * drift:.0f} % of the amplitude")
     if gap.any():
-        told.append(f"{int(gap.sum())} of the cycles have gaps")
+        told.append(f"gaps fall into {int(gap.sum())} of the {cycles.count} cycles")
     frequency, begin = 1 / cycles.period, cycles.start + first * cycles.period
     several = f"s of {frequency:.4g} Hz, neighbours correlate by {cycles.similarity:.3f}"
     ending = several if cycles.count > 1 else f" of {frequency:.4g} Hz"
@@ -266,6 +268,10 @@ def _described(part: _Part, cycles: Cycles) -> Excitation:
         similarity=cycles.similarity,
         common_share=cycles.common_share,
     )
+
+
+def _counted(first: int, count: int) -> str:
+    return f"the first of {count} cycles is" if first == 1 else f"the first {first} of {count} cycles are"
 
 
 def _longest_run(good: np.ndarray) -> tuple[int, int]:

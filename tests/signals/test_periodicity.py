@@ -39,6 +39,15 @@ def test_still_stretches_before_and_after_do_not_enter(start, end):
     assert found.still_before == pytest.approx(start, abs=0.01)
 
 
+@pytest.mark.parametrize("samples", [5, 12, 300])
+@pytest.mark.parametrize("cycles", [2.5, 10.4])
+def test_few_samples_a_cycle_are_enough(samples, cycles):
+    phase = np.arange(int(samples * cycles)) / samples
+    found = classify(phase / 0.02, 1e-4 * np.sin(2 * np.pi * phase + 0.3))
+    assert found.kind == "periodic"
+    assert found.frequency == pytest.approx(0.02, rel=0.02)
+
+
 def test_a_drifting_mean_is_told_and_does_not_hide_the_period():
     found = classify(t, sine() + 0.5 * np.sin(0.7 * t) + 0.1 * t)
     assert found.kind == "periodic"
