@@ -10,10 +10,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from markupsafe import Markup, escape
 
-from pipeline.findings.figures import Axis, Figure, Matrix, Panel
+from pipeline.findings.figures import Axis, Figure, Matrix
 from pipeline.report.heat_map import label_room, lies_flat
 from pipeline.report.labels import Key, ends, keys
 from pipeline.report.palette import Style, style
@@ -50,6 +51,7 @@ _SHAPES = {
 class FigureView:
     """What the template needs of a figure."""
 
+    kind: ClassVar[str] = "figure"
     number: int
     name: str
     title: str
@@ -90,14 +92,14 @@ def figure_view(figure: Figure, number: int) -> FigureView:
     )  # fmt: skip
 
 
-def thumbnail(figure: Figure, width: float = 240, height: float = 130) -> Markup:
-    """Draw the first panel of a figure as a small picture without text."""
+def thumbnail(figure: Figure, owner: str, width: float = 240, height: float = 130) -> Markup:
+    """Draw the first panel of a figure as a small picture without text; `owner` makes its ids unique."""
     panel = figure.panels[0]
     x, y = _scales(figure)[0]
     if panel.equal and not x.log and not y.log:
         x, y = equal(x, y, width, height)
     with drawing():
-        return draw_thumbnail(panel, x, y, width, height, _salt(figure.name, 0, "thumbnail", 0))
+        return draw_thumbnail(panel, x, y, width, height, _salt("thumbnail", owner))
 
 
 def _salt(*parts: object) -> str:
@@ -141,9 +143,7 @@ def _along(figure: Figure, direction: str, share: bool) -> list[Scale]:
     return made
 
 
-def _frames(
-    figure: Figure, scales: Sequence[tuple[Scale, Scale]], columns: int, shape: Shape
-) -> list[Frame]:
+def _frames(figure: Figure, scales: Sequence[tuple[Scale, Scale]], columns: int, shape: Shape) -> list[Frame]:
     """Return the frame of each panel; margins agree, so that axes stand under each other."""
     font = shape.font
     most_y = int((shape.height - 60) / (3 * font))
@@ -183,8 +183,7 @@ def key_markup(entries: Sequence[Key]) -> Markup:
     if not entries:
         return Markup()
     items = Markup().join(
-        Markup("<li>{}<span>{}</span></li>").format(_swatch(entry, style(entry.role)), entry.label)
-        for entry in entries
+        Markup("<li>{}<span>{}</span></li>").format(_swatch(entry, style(entry.role)), entry.label) for entry in entries
     )
     return Markup('<ul class="key">{}</ul>').format(items)
 
@@ -201,6 +200,6 @@ def _swatch(entry: Key, look: Style) -> Markup:
         )
     if entry.points or (entry.line and isinstance(entry.role, int)):
         parts += Markup('<path d="{}" transform="translate(15 6)" fill="{}"/>').format(look.marker_path, colour)
-    return Markup('<svg viewBox="0 0 30 12" width="30" height="12" aria-hidden="true" focusable="false">{}</svg>').format(
-        parts
-    )
+    return Markup(
+        '<svg viewBox="0 0 30 12" width="30" height="12" aria-hidden="true" focusable="false">{}</svg>'
+    ).format(parts)

@@ -72,7 +72,7 @@ def ends(figure: Figure, panel: Panel, columns: int) -> Mapping[str, Line | Poin
     for mark in drawn:
         label = label_of(mark, by_role)
         roles.setdefault(label, set()).add(mark.role)
-        if crowded and panels_with[label] > 1 or text_width(label, 1.0) > 0.58 * _LONGEST_DIRECT:
+        if (crowded and panels_with[label] > 1) or text_width(label, 1.0) > 0.58 * _LONGEST_DIRECT:
             return {}
         if not isinstance(found.get(label), Line):  # the end of a curve says more than its last point
             found[label] = mark

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,9 +26,7 @@ _Z = {"Band": 1.0, "Rule": 1.5, "Line": 2.5, "Points": 3.0}
 _Z_ROLE = {"measured": -0.3, "model": 0.2, "fault": 0.4}
 
 
-def draw_marks(
-    axes: Axes, marks: Sequence[Mark], x: Scale, y: Scale, inner: tuple[float, float], font: float
-) -> None:
+def draw_marks(axes: Axes, marks: Sequence[Mark], x: Scale, y: Scale, inner: tuple[float, float], font: float) -> None:
     """Draw marks, later ones on top of others of their kind.
 
     Parameters
@@ -93,7 +91,7 @@ def _line(axes: Axes, mark: Line, x: Scale, y: Scale, width: float, z: float, be
     xs, ys = x.shown(mark.x), y.shown(mark.y)
     if _rises(xs):
         xs, ys = thinned(xs, ys, int(4 * width))
-    shapes = {}
+    shapes: dict[str, Any] = {}
     if isinstance(mark.role, int) and not _has_points(axes, look.light):
         every = max(xs.size // _SHAPES_ON_A_LINE, 1)
         shapes = {"marker": look.marker, "markersize": 4.5, "markevery": (every // 2, every)}
@@ -140,7 +138,7 @@ def _band(axes: Axes, mark: Band, x: Scale, y: Scale, width: float, z: float) ->
 
 def _rule(axes: Axes, mark: Rule, x: Scale, y: Scale, inner: tuple[float, float], font: float, z: float) -> None:
     look = style(mark.role)
-    line = {"color": look.light, "linewidth": 1.2, "linestyle": (0, (4, 2.2)), "zorder": z}
+    line: dict[str, Any] = {"color": look.light, "linewidth": 1.2, "linestyle": (0, (4, 2.2)), "zorder": z}
     label = clean(mark.label)
     if mark.y is not None:
         at = float(y.shown(mark.y))

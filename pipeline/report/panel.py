@@ -57,7 +57,7 @@ def drawing() -> Iterator[None]:
     """Set matplotlib up for panels: text stays text, dollar signs are dollar signs, paths are simplified."""
     import matplotlib
 
-    settings: dict[str, Any] = {
+    settings: Any = {
         "svg.fonttype": "none", "text.parse_math": False, "text.usetex": False, "font.family": ["DejaVu Sans"],
         "path.simplify": True, "path.simplify_threshold": 0.15, "axes.unicode_minus": True,
         "axes.edgecolor": QUIET[0], "axes.linewidth": 0.9, "axes.axisbelow": True, "agg.path.chunksize": 20000,
@@ -69,9 +69,7 @@ def drawing() -> Iterator[None]:
         yield
 
 
-def draw_panel(
-    panel: Panel, x: Scale, y: Scale, frame: Frame, ends: Mapping[str, Line | Points], salt: str
-) -> Markup:
+def draw_panel(panel: Panel, x: Scale, y: Scale, frame: Frame, ends: Mapping[str, Line | Points], salt: str) -> Markup:
     """Draw a panel; call within `drawing()`.
 
     Parameters
@@ -204,7 +202,5 @@ def _svg(figure: Any, salt: str) -> str:
     matplotlib.rcParams["svg.hashsalt"] = salt
     text = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    FigureCanvasSVG(figure).print_svg(text, metadata=nothing)
+    FigureCanvasSVG(figure).print_svg(text, metadata=nothing)  # type: ignore[no-untyped-call]
     return text.getvalue()
-
-

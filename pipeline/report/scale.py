@@ -136,7 +136,7 @@ def _log_places(low: float, high: float, most: int) -> list[float]:
     for digits in ((1, 2, 5), (1, 3), (1,)):
         places = [digit * decade for decade in decades for digit in digits if low <= digit * decade <= high]
         if len(places) <= max(most, 3):
-            return places if len(places) >= 3 or digits == (1,) and len(places) >= 2 else []
+            return places if len(places) >= 3 or (digits == (1,) and len(places) >= 2) else []
     return places[:: math.ceil(len(places) / most)]
 
 

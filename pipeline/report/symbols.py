@@ -9,12 +9,13 @@ import re
 
 from markupsafe import Markup, escape
 
-_GREEK = dict(zip(
-    "alpha beta gamma delta epsilon varepsilon zeta eta theta vartheta iota kappa lambda mu nu xi pi rho sigma tau "
-    "upsilon phi varphi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega".split(),
-    "αβγδεεζηθϑικλμνξπρστυφϕχψωΓΔΘΛΞΠΣΥΦΨΩ",
-    strict=True,
-))  # fmt: skip
+_GREEK = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "varepsilon": "ε", "zeta": "ζ", "eta": "η",
+    "theta": "θ", "vartheta": "ϑ", "iota": "ι", "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ",
+    "pi": "π", "rho": "ρ", "sigma": "σ", "tau": "τ", "upsilon": "υ", "phi": "φ", "varphi": "ϕ", "chi": "χ",
+    "psi": "ψ", "omega": "ω", "Gamma": "Γ", "Delta": "Δ", "Theta": "Θ", "Lambda": "Λ", "Xi": "Ξ", "Pi": "Π",
+    "Sigma": "Σ", "Upsilon": "Υ", "Phi": "Φ", "Psi": "Ψ", "Omega": "Ω",
+}  # fmt: skip
 _SIGNS = {
     "cdot": "·", "times": "×", "pm": "±", "infty": "∞", "circ": "°", "degree": "°", "prime": "′", "partial": "∂",
     "ell": "ℓ", "perp": "⊥", "parallel": "∥", "approx": "≈", "le": "≤", "leq": "≤", "ge": "≥", "geq": "≥", "to": "→",
@@ -32,7 +33,7 @@ _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|[A-Za-z]+|\d+(?:\.\d+)?|\s+|.", re.DOTALL)
 _DEEPEST = 12
 
 
-class _NotUnderstood(ValueError):
+class _OddSymbolError(ValueError):
     pass
 
 
@@ -49,14 +50,14 @@ class _Symbol:
     def take(self) -> str:
         token = self.peek()
         if not token:
-            raise _NotUnderstood
+            raise _OddSymbolError
         self.place += 1
         return token
 
     def row(self, depth: int, end: str = "", upright: bool = False) -> Markup:
         """Read until `end` (a closing brace, or the end of the text)."""
         if depth > _DEEPEST:
-            raise _NotUnderstood
+            raise _OddSymbolError
         parts = Markup()
         while self.peek() != end:
             parts += self.atom(depth, upright)
@@ -84,7 +85,7 @@ class _Symbol:
         if token == "{":
             return self.row(depth + 1, "}", upright)
         if token == "}":
-            raise _NotUnderstood
+            raise _OddSymbolError
         if token in "_^":
             return self.script(depth, "sub" if token == "_" else "sup")
         if token[0] == "\\":
@@ -116,7 +117,7 @@ class _Symbol:
             return Markup("√({})").format(self.argument(depth))
         if name.isalpha():  # \max, \log: a name, upright
             return escape(name)
-        raise _NotUnderstood
+        raise _OddSymbolError
 
 
 def symbol_html(latex: str) -> Markup:
@@ -132,5 +133,5 @@ def symbol_html(latex: str) -> Markup:
     text = latex.strip().removeprefix("$").removesuffix("$").strip()
     try:
         return _Symbol(text).row(0)
-    except _NotUnderstood:
+    except _OddSymbolError:
         return escape(latex)

@@ -11,6 +11,11 @@ def clean(text: str) -> str:
     return "".join(kept).strip()
 
 
+def harmless(text: str) -> str:
+    """Return `text` with its line breaks, without the signs that `clean` removes."""
+    return "".join(sign for sign in text if sign in "\n\t" or _shows(sign))
+
+
 def _shows(sign: str) -> bool:
     return unicodedata.category(sign) not in ("Cc", "Cs", "Co", "Cn") and not (
         "\u202a" <= sign <= "\u202e" or "\u2066" <= sign <= "\u2069"

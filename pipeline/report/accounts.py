@@ -1,0 +1,175 @@
+"""What stands beside the numbers as tables: models compared, published values, data quality, runs, logs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import PurePosixPath
+
+from markupsafe import Markup
+
+from pipeline.findings import Findings, ModelResult, Published, Quality, Run
+from pipeline.findings.figures import Cell, Column, Table
+from pipeline.report.numbers import plain
+from pipeline.report.parameters import condition_text, unit_of_condition
+from pipeline.report.reading_units import reading_unit, typical
+from pipeline.report.table import NOTHING, Head, Shown, TableView, table_view
+from pipeline.report.words import clean
+from pipeline.rigs.experiment import Experiment
+
+LEVELS = ("error", "warning", "note")
+_AGREES = {True: ("agrees", "ok"), False: ("does not agree", "rejected"), None: ("cannot be said", "unsaid")}
+_HASH_DIGITS = 12
+
+
+def badge(text: str, kind: str) -> Markup:
+    """Return a coloured word; the word says it, the colour repeats it."""
+    return Markup('<span class="badge {}">{}</span>').format(kind, text)
+
+
+def models_table(models: Sequence[ModelResult]) -> TableView:
+    """Compare models; AICc and BIC are shown above the smallest of the table, errors in percent."""
+    criteria = {
+        name: min((value for model in models if (value := getattr(model, name)) is not None), default=None)
+        for name in ("aicc", "bic")
+    }
+
+    def above(model: ModelResult, name: str) -> float | None:
+        value, least = getattr(model, name), criteria[name]
+        return None if value is None or least is None else value - least
+
+    columns = [
+        Column("Model"), Column("Parameters"), Column("Data"), Column("rms residual (SI)", "1"),
+        Column("NRMSE (%)", "1"), Column("χ² reduced", "1"), Column("ΔAICc", "1"), Column("ΔBIC", "1"),
+        Column("Error on runs left out (%)", "1"), Column("What it is"),
+    ]  # fmt: skip
+    rows: list[list[Cell]] = [
+        [
+            Markup("<b>{}</b> {}").format(clean(m.name), badge("selected", "ok")) if m.selected else clean(m.name),
+            m.n_parameters, m.n_data, m.rms_residual, _percent(m.nrmse), m.chi2_reduced, above(m, "aicc"),
+            above(m, "bic"), _percent(m.cv_error), clean(m.description),
+        ]
+        for m in models
+    ]  # fmt: skip
+    kept = [place for place in range(len(columns)) if any(row[place] not in (None, "") for row in rows)]
+    caption = (
+        "NRMSE is the rms residual over the rms of the measured signal about its mean. ΔAICc and ΔBIC count from the "
+        "best model of this table; a difference above about 10 is decisive."
+    )
+    return table_view(
+        Table(
+            "models", "Models compared", caption, [columns[c] for c in kept], [[row[c] for c in kept] for row in rows]
+        )
+    )
+
+
+def _percent(share: float | None) -> float | None:
+    return None if share is None else 100 * share
+
+
+def published_table(published: Sequence[Published]) -> TableView:
+    """Set published numbers beside those found, each pair in one unit."""
+    rows = []
+    for entry in published:
+        numbers = [value for value in (entry.published, entry.found) if isinstance(value, float | int)]
+        unit = reading_unit(entry.unit, typical(numbers))
+        texts = [_number_or_words(value, unit.size) for value in (entry.published, entry.found)]
+        word, kind = _AGREES[entry.agrees]
+        rows.append([
+            Shown(clean(entry.name), clean(entry.where)), Shown(texts[0], kind=_kind(entry.published)),
+            Shown(texts[1], kind=_kind(entry.found)), Shown(unit.name), Shown(badge(word, kind)),
+            Shown(clean(entry.remark)),
+        ])  # fmt: skip
+    heads = [Head("Quantity"), Head("Published", number=True), Head("Found", number=True), Head("Unit"),
+             Head("Agreement"), Head("Remark")]  # fmt: skip
+    return TableView("published", "Published values beside those found", "", heads, rows)
+
+
+def _number_or_words(value: float | str | None, size: float) -> str:
+    if isinstance(value, str):
+        return clean(value)
+    return NOTHING if value is None else plain(value / size)
+
+
+def _kind(value: float | str | None) -> str:
+    return "" if isinstance(value, str) else "number"
+
+
+def quality_table(quality: Sequence[Quality]) -> TableView:
+    """List what was noticed about the data, the gravest first."""
+    ordered = sorted(quality, key=lambda finding: LEVELS.index(finding.level))
+    kinds = {"error": "rejected", "warning": "warning", "note": "unsaid"}
+    rows: list[list[Cell]] = [
+        [badge(q.level, kinds[q.level]), q.run or "all", q.channel or NOTHING, _span(q.span), q.message]
+        for q in ordered
+    ]
+    columns = [Column(text) for text in ("Level", "Run", "Channel", "Time (s)", "What was found")]
+    return table_view(Table("quality", "Findings on the data", "", columns, rows))
+
+
+def _span(span: tuple[float, float] | None) -> str:
+    if span is None:
+        return NOTHING
+    start, end = (plain(seconds, 5) for seconds in span)
+    return start if start == end else f"{start} to {end}"
+
+
+def quality_counts(quality: Sequence[Quality]) -> dict[str, int]:
+    """Return how many findings there are of each level, the gravest first."""
+    return {level: sum(finding.level == level for finding in quality) for level in LEVELS}
+
+
+def runs_table(runs: Sequence[Run], experiment: Experiment) -> tuple[TableView, str]:
+    """List runs with the conditions that differ; return the table and a sentence on those that are the same.
+
+    Runs that were not used come first where the table is too long to show them all.
+    """
+    names = [spec.name for spec in experiment.conditions]
+    names += sorted({name for run in runs for name in run.conditions} - set(names))
+    same: list[str] = []
+    differ: list[str] = []
+    for name in names:
+        values = {run.conditions.get(name) for run in runs}
+        if values - {None}:
+            (same if len(values) == 1 and len(runs) > 1 else differ).append(name)
+    columns = [Column("Run"), Column("Used"), Column("Duration", "s"), Column("Samples", "1")]
+    columns += [Column(clean(name).replace("_", " "), unit_of_condition(experiment, name)) for name in differ]
+    reasons = any(run.reason for run in runs)
+    columns += [Column("Why not used")] if reasons else []
+    ordered = sorted(runs, key=lambda run: run.used)
+    rows: list[list[Cell]] = [
+        [
+            run.run, "yes" if run.used else badge("no", "warning"), run.duration, run.n_samples,
+            *(run.conditions.get(name) for name in differ), *([run.reason] if reasons else []),
+        ]
+        for run in ordered
+    ]  # fmt: skip
+    constant = "; ".join(_condition(runs[0], name, experiment) for name in same)
+    sentence = f"The same in all runs: {constant}." if constant else ""
+    return table_view(Table("runs", "Runs", "", columns, rows)), sentence
+
+
+def _condition(run: Run, name: str, experiment: Experiment) -> str:
+    value = condition_text(run.conditions[name], unit_of_condition(experiment, name))
+    return f"{clean(name).replace('_', ' ')} {value}"
+
+
+def repairs_table(runs: Sequence[Run]) -> TableView | None:
+    """List what was changed in the data on the way, and in which runs; None where nothing was."""
+    where: dict[str, list[str]] = {}
+    for run in runs:
+        for repair in run.repairs:
+            where.setdefault(repair, []).append(run.run)
+    rows: list[list[Cell]] = [[repair, ", ".join(found)] for repair, found in where.items()]
+    columns = [Column("What was changed"), Column("Runs")]
+    return table_view(Table("repairs", "Repairs made to the data", "", columns, rows)) if rows else None
+
+
+def logs_table(findings: Findings) -> TableView | None:
+    """List the log files with the beginning of their SHA-256; None where there are none."""
+    rows: list[list[Cell]] = [
+        [run.run, PurePosixPath(clean(path)).name, Markup("<code>{}</code>").format(digest[:_HASH_DIGITS])]
+        for run in findings.runs
+        for path, digest in zip(run.files, run.sha256, strict=False)
+    ]
+    columns = [Column("Run"), Column("File"), Column("SHA-256 begins")]
+    return table_view(Table("logs", "Log files", "Whole hashes are in findings.json.", columns, rows)) if rows else None

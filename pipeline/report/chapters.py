@@ -1,0 +1,204 @@
+"""The chapters of a report, in the order of reading: the numbers, the evidence, the data, how it was done."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import Any, ClassVar
+
+from markupsafe import Markup
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import Cell, Column, Figure, Section, Table
+from pipeline.report.accounts import (
+    logs_table,
+    models_table,
+    published_table,
+    quality_table,
+    repairs_table,
+    runs_table,
+)
+from pipeline.report.citation import bibtex, citation
+from pipeline.report.figure import FigureView, figure_view
+from pipeline.report.parameters import key_table, parameter_tables
+from pipeline.report.table import TableView, table_view
+from pipeline.report.words import clean
+from pipeline.rigs.experiment import Experiment
+
+
+@dataclass(frozen=True)
+class Paragraphs:
+    """Running text."""
+
+    kind: ClassVar[str] = "paragraphs"
+    texts: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Listed:
+    """Short texts one below the other, numbered where they are cited."""
+
+    kind: ClassVar[str] = "listed"
+    texts: Sequence[str]
+    numbered: bool = False
+
+
+@dataclass(frozen=True)
+class Code:
+    """Text to copy as it stands."""
+
+    kind: ClassVar[str] = "code"
+    title: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names and what they are."""
+
+    kind: ClassVar[str] = "facts"
+    pairs: Sequence[tuple[str, str]]
+
+
+Block = Paragraphs | Listed | Code | Facts | FigureView | TableView
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """A part of the page: its anchor, heading and what stands in it."""
+
+    anchor: str
+    title: str
+    blocks: Sequence[Block]
+
+
+def chapters(findings: Findings, experiment: Experiment, command: str) -> list[Chapter]:
+    """Return all chapters of a report; empty ones are left out.
+
+    Parameters
+    ----------
+    findings, experiment
+        What was identified, and the declaration that says what is shown of it.
+    command
+        What the user typed, for whoever repeats it.
+    """
+    numbers = _Numbers()
+    made = [
+        Chapter("key", "The numbers that matter", list(numbers.given(_key(findings, experiment)))),
+        Chapter("advice", "What to do next", [Listed(findings.advice)] if findings.advice else []),
+    ]
+    for section in experiment.sections(findings):
+        made.append(Chapter(_anchor(section), clean(section.title), list(numbers.given(_section(section)))))
+    tail: list[tuple[str, str, list[Block | Figure]]] = [
+        ("models", "Models compared", [models_table(findings.models)] if findings.models else []),
+        ("published", "Published values", [published_table(findings.published)] if findings.published else []),
+        ("quality", "Quality of the data", _quality(findings)),
+        ("parameters", "All parameters", [*parameter_tables(findings, experiment)]),
+        ("runs", "Runs", _runs(findings, experiment)),
+        ("methods", "How it was done", _methods(findings, experiment)),
+        ("repeat", "To repeat this", _repeat(findings, experiment, command)),
+    ]
+    made += [Chapter(anchor, title, list(numbers.given(blocks))) for anchor, title, blocks in tail]
+    return [chapter for chapter in made if chapter.blocks]
+
+
+class _Numbers:
+    """Numbers figures and tables through the page."""
+
+    def __init__(self) -> None:
+        self.figures, self.tables = count(1), count(1)
+
+    def given(self, blocks: Iterable[Block | Figure]) -> Iterator[Block]:
+        for block in blocks:
+            if isinstance(block, Figure):
+                yield figure_view(block, next(self.figures))
+            elif isinstance(block, TableView):
+                yield block.numbered(next(self.tables))
+            else:
+                yield block
+
+
+def _anchor(section: Section) -> str:
+    return "evidence-" + (re.sub(r"[^a-z0-9]+", "-", section.name.lower()).strip("-") or "section")
+
+
+def _key(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
+    view = key_table(findings, experiment)
+    return [view if view.rows else Paragraphs(["None of the numbers that this experiment is made for was identified."])]
+
+
+def _section(section: Section) -> Iterator[Block | Figure]:
+    for block in section.blocks:
+        if isinstance(block, Figure):
+            if block.panels:
+                yield block
+        elif isinstance(block, Table):
+            yield table_view(block)
+        else:
+            yield Paragraphs(block.paragraphs)
+
+
+def _quality(findings: Findings) -> list[Block | Figure]:
+    tables = [quality_table(findings.quality) if findings.quality else None, repairs_table(findings.runs)]
+    return [table for table in tables if table] or [Paragraphs(["Nothing was noticed, and nothing was repaired."])]
+
+
+def _runs(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
+    if not findings.runs:
+        return []
+    table, same = runs_table(findings.runs, experiment)
+    return [table, Paragraphs([same])] if same else [table]
+
+
+def _methods(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
+    blocks: list[Block | Figure] = [Paragraphs(experiment.methods(findings))]
+    if experiment.references:
+        blocks.append(Listed([citation(reference) for reference in experiment.references], numbered=True))
+        blocks.append(Code("The same as BibTeX", bibtex(experiment.references)))
+    return blocks
+
+
+def _repeat(findings: Findings, experiment: Experiment, command: str) -> list[Block | Figure]:
+    blocks: list[Block | Figure] = [Code("Command", command)]
+    facts = list(_facts(findings.provenance))
+    if facts:
+        blocks.append(Facts(facts))
+    if findings.settings:
+        blocks.append(_settings_table(findings.settings, experiment))
+    logs = logs_table(findings)
+    return [*blocks, logs] if logs else blocks
+
+
+def _facts(provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Put provenance into words; log hashes have a table of their own."""
+    for name, value in provenance.items():
+        if name == "logs" and isinstance(value, Mapping):
+            continue
+        if isinstance(value, Mapping):
+            told = ", ".join(f"{key} {_told(entry)}" for key, entry in value.items())
+        elif isinstance(value, list | tuple):
+            told = ", ".join(_told(entry) for entry in value)
+        else:
+            told = _told(value)
+        yield clean(str(name)).replace("_", " "), clean(told)
+
+
+def _told(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False, default=str)
+
+
+def _settings_table(settings: Mapping[str, Any], experiment: Experiment) -> TableView:
+    declared = experiment.settings.model_fields
+    rows: list[list[Cell]] = [
+        [
+            Markup("<code>{}</code>").format(clean(name)),
+            _told(value),
+            (declared[name].description or "") if name in declared else "",
+        ]
+        for name, value in settings.items()
+    ]
+    columns = [Column("Setting"), Column("Value"), Column("What it sets")]
+    return table_view(Table("settings", "Settings", "", columns, rows))

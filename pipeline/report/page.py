@@ -1,0 +1,92 @@
+"""Findings and what their experiment declares -> one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from pipeline.findings import Findings
+from pipeline.report.accounts import quality_counts
+from pipeline.report.chapters import chapters
+from pipeline.report.citation import citation
+from pipeline.report.palette import css_variables
+from pipeline.report.words import harmless
+from pipeline.rigs.experiment import Experiment
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+VERDICTS = {
+    "ok": ("OK", "The numbers below can be used with the intervals given."),
+    "warning": ("Warning", "The numbers below can be used with these reservations:"),
+    "rejected": ("Rejected", "The numbers below are not to be used:"),
+}
+
+
+def render_report(findings: Findings, experiment: Experiment, title: str, command: str) -> str:
+    """Return the report of one campaign as the text of an HTML file.
+
+    The same arguments give the same text, byte for byte.
+
+    Parameters
+    ----------
+    findings
+        What was identified, with its arrays.
+    experiment
+        The declaration of the experiment that the findings are of.
+    title
+        Heading of the report; the campaign's name where empty.
+    command
+        What was typed to get here, shown for whoever repeats it.
+    """
+    return page(
+        "report.html.j2",
+        title=title or findings.campaign,
+        findings=findings,
+        experiment=experiment,
+        source=citation(experiment.references[0]) if experiment.references else "",
+        verdict=VERDICTS[findings.verdict],
+        facts=_facts(findings),
+        chapters=chapters(findings, experiment, command),
+    )
+
+
+def page(template: str, **content: Any) -> str:
+    """Render a template with the style sheet of all pages."""
+    return _environment().get_template(template).render(style=_style(), **content)
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        finalize=lambda value: harmless(value) if type(value) is str else value,
+    )
+
+
+@cache
+def _style() -> Markup:
+    light, dark = css_variables(dark=False), css_variables(dark=True)
+    rules = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
+    return Markup(f":root{{{light}}}\n@media screen and (prefers-color-scheme:dark){{:root{{{dark}}}}}\n{rules}")
+
+
+def _facts(findings: Findings) -> list[str]:
+    """Return what a glance should tell: how many runs, how many of them used, what the data's quality was."""
+    used = sum(run.used for run in findings.runs)
+    runs = f"{len(findings.runs)} run{'s' * (len(findings.runs) != 1)}"
+    undetermined = sum(parameter.value is None for parameter in findings.parameters)
+    facts = [f"{runs}, {'all' if used == len(findings.runs) else used} used" if findings.runs else "no run is listed"]
+    facts += [f"{n} {level}{'s' * (n != 1)} on the data" for level, n in quality_counts(findings.quality).items() if n]
+    facts += [f"{undetermined} of {len(findings.parameters)} parameters not determined"] if undetermined else []
+    return facts

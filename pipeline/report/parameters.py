@@ -1,0 +1,210 @@
+"""Identified parameters as tables: the few that matter on top, all of them further down.
+
+Those with one value stand in one list, each in its own unit. Those that vary (with current,
+frequency, run) share a table with one row an operating point and one column a parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from markupsafe import Markup
+
+from pipeline.findings import Findings, Parameter
+from pipeline.findings.figures import Cell, Column, Table, Value
+from pipeline.report.numbers import Reading, aligned_readings, plain, reading
+from pipeline.report.reading_units import ReadingUnit, reading_unit, typical
+from pipeline.report.symbols import symbol_html
+from pipeline.report.table import NOTHING, Head, Shown, TableView, table_view
+from pipeline.report.words import clean
+from pipeline.rigs.experiment import Experiment
+
+# A key parameter with more operating points than that is summed up by its range.
+_MOST_KEY_ROWS = 6
+_UNDETERMINED = "not determined"
+
+
+def symbol_of(parameter: Parameter) -> Markup:
+    """Return the symbol as HTML, the name where there is none."""
+    return symbol_html(parameter.symbol) or Markup("<code>{}</code>").format(clean(parameter.name))
+
+
+def unit_of_condition(experiment: Experiment, name: str) -> str:
+    """Return the SI unit of a condition or channel, '' for text and for what the experiment does not declare."""
+    spec = experiment.condition(name) or experiment.channel(name)
+    return spec.unit if spec else ""
+
+
+def place_of(parameter: Parameter, experiment: Experiment) -> str:
+    """Return the operating point in words: ``coil current 2 A, run sh_a``."""
+    return ", ".join(
+        f"{_words(name)} {condition_text(value, unit_of_condition(experiment, name))}"
+        for name, value in parameter.at.items()
+    )
+
+
+def condition_text(value: float | str | bool, unit: str) -> str:
+    """Return a condition with its unit for reading."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return clean(value)
+    shown = reading_unit(unit or "1", abs(value))
+    return f"{plain(value / shown.size)} {shown.name}".strip()
+
+
+def key_parameters(findings: Findings, experiment: Experiment) -> list[list[Parameter]]:
+    """Return the parameters that the experiment calls key, one list a name, in its order; absent ones are left out."""
+    found = [findings.find(spec.name) for spec in experiment.parameters if spec.key]
+    return [parameters for parameters in found if parameters]
+
+
+def key_table(findings: Findings, experiment: Experiment) -> TableView:
+    """Return the table of the numbers that matter."""
+    rows: list[tuple[Shown, Reading | None, str]] = []
+    for parameters in key_parameters(findings, experiment):
+        if len(parameters) > _MOST_KEY_ROWS:
+            rows.append(_range_row(parameters, experiment))
+            continue
+        unit = common_unit(parameters)
+        for parameter in parameters:
+            place = place_of(parameter, experiment)
+            about = _meaning(parameter, experiment)
+            what = Shown(symbol_of(parameter) + (f" at {place}" if place else ""), about)
+            rows.append((what, _reading(parameter, unit), unit.name))
+    return _list_view("key", "The numbers that matter", rows)
+
+
+def parameter_tables(findings: Findings, experiment: Experiment) -> list[TableView]:
+    """Return every parameter: first those with one value, then one table for each kind of operating point."""
+    constant = [parameter for parameter in findings.parameters if not parameter.at]
+    groups: dict[tuple[str, ...], list[Parameter]] = {}
+    for parameter in findings.parameters:
+        if parameter.at:
+            groups.setdefault(tuple(sorted(parameter.at)), []).append(parameter)
+    views = [_constant_view(constant, experiment)] if constant else []
+    return views + [_varying_view(parameters, experiment) for parameters in groups.values()]
+
+
+def common_unit(parameters: Sequence[Parameter]) -> ReadingUnit:
+    """Return the unit in which parameters of one name read best together."""
+    sizes = [max(abs(p.value or 0.0), abs(p.std_error or 0.0)) for p in parameters]
+    return reading_unit(parameters[0].unit, typical(sizes))
+
+
+def _reading(parameter: Parameter, unit: ReadingUnit) -> Reading | None:
+    if parameter.value is None:
+        return None
+    return reading(parameter.value, parameter.std_error, parameter.ci95, unit.size)
+
+
+def _meaning(parameter: Parameter, experiment: Experiment) -> str:
+    """Return what a parameter is and, where it could not be determined, why."""
+    spec = next((spec for spec in experiment.parameters if spec.name == parameter.name), None)
+    declared = spec.description if spec else ""
+    if parameter.value is None:
+        reason = clean(parameter.description).rstrip(".")
+        return f"{clean(declared)}; {_UNDETERMINED}: {reason}." if declared else f"{_UNDETERMINED}: {reason}."
+    return clean(parameter.description) or clean(declared)
+
+
+def _range_row(parameters: Sequence[Parameter], experiment: Experiment) -> tuple[Shown, Reading | None, str]:
+    unit = common_unit(parameters)
+    values = [parameter.value / unit.size for parameter in parameters if parameter.value is not None]
+    what = Shown(symbol_of(parameters[0]), f"{_meaning(parameters[0], experiment)}; range over {len(values)} "
+                 "operating points, each with its interval under All parameters")  # fmt: skip
+    shown = Reading(f"{plain(min(values), 3)} … {plain(max(values), 3)}") if values else None
+    return what, shown, unit.name
+
+
+def _list_view(
+    name: str,
+    title: str,
+    rows: Sequence[tuple[Shown, Reading | None, str]],
+    more: Sequence[tuple[Head, list[str]]] = (),
+) -> TableView:
+    """Lay out parameters one below the other, each in its own unit."""
+    values = aligned_readings([found for _, found, _ in rows])
+    lines = []
+    for number, ((what, found, unit), value) in enumerate(zip(rows, values, strict=True)):
+        lines.append([
+            what,
+            Shown(value, kind="number") if found else Shown(_UNDETERMINED, kind="number missing"),
+            Shown(found.interval if found and found.low else NOTHING, kind="number"),
+            Shown(unit),
+            *(Shown(texts[number]) for _, texts in more),
+        ])  # fmt: skip
+    heads = [Head("Quantity"), Head("Value ± standard error", number=True), Head("95 % interval", number=True),
+             Head("Unit"), *(head for head, _ in more)]  # fmt: skip
+    return TableView(name, title, "", heads, lines)
+
+
+def _constant_view(parameters: Sequence[Parameter], experiment: Experiment) -> TableView:
+    rows = []
+    for parameter in parameters:
+        unit = common_unit([parameter])
+        name = Markup(" <code>{}</code>").format(clean(parameter.name)) if parameter.symbol else ""
+        rows.append((Shown(symbol_of(parameter) + name, _meaning(parameter, experiment)), _reading(parameter, unit),
+                     unit.name))  # fmt: skip
+    more = [
+        (Head("Source"), [clean(p.source) for p in parameters]),
+        (Head("Method"), [clean(p.method) for p in parameters]),
+    ]
+    more = [(head, texts) for head, texts in more if any(texts)]
+    return _list_view("parameters", "Parameters with one value for the campaign", rows, more)
+
+
+def _varying_view(parameters: Sequence[Parameter], experiment: Experiment) -> TableView:
+    conditions = list(parameters[0].at)
+    names = list(dict.fromkeys(parameter.name for parameter in parameters))
+    rows: dict[tuple[object, ...], dict[str, Parameter]] = {}
+    for parameter in parameters:
+        place = tuple(parameter.at[name] for name in conditions)
+        again = 0
+        while parameter.name in rows.setdefault((*place, again), {}):  # told twice for one place: both are shown
+            again += 1
+        rows[(*place, again)][parameter.name] = parameter
+    first = {name: next(p for p in parameters if p.name == name) for name in names}
+    columns = [Column(_words(name), unit_of_condition(experiment, name)) for name in conditions]
+    columns += [Column(symbol_of(first[name]), first[name].unit) for name in names]
+    lines: list[list[Cell]] = [
+        [*place[:-1], *(_value(row.get(name)) for name in names)]  # type: ignore[list-item]
+        for place, row in rows.items()
+    ]
+    by = " and ".join(_words(name) for name in conditions if name != "run" or len(conditions) == 1)
+    title = (
+        f"Parameters of each run, with {by}" if "run" in conditions and len(conditions) > 1 else f"Parameters by {by}"
+    )
+    view = table_view(
+        Table("parameters-" + "-".join(conditions), title, "Below each value its 95 % interval.", columns, lines)
+    )
+    notes = [
+        Markup("{} <code>{}</code>: {}").format(symbol_of(first[name]), name, _about(parameters, name, experiment))
+        for name in names
+    ]
+    return TableView(view.name, view.title, view.caption, view.heads, view.rows, view.left_out, notes)
+
+
+def _about(parameters: Sequence[Parameter], name: str, experiment: Experiment) -> str:
+    """Return what the column shows, its source, and the reasons for what is missing."""
+    same = [parameter for parameter in parameters if parameter.name == name]
+    spec = next((spec for spec in experiment.parameters if spec.name == name), None)
+    known = next((p.description for p in same if p.value is not None and p.description), "")
+    parts = [clean(spec.description if spec else known), clean(same[0].source)]
+    reasons = dict.fromkeys(clean(p.description).rstrip(".") for p in same if p.value is None)
+    for reason in reasons:
+        count = sum(p.value is None and clean(p.description).rstrip(".") == reason for p in same)
+        parts.append(f"{_UNDETERMINED} in {count} of {len(same)}: {reason}")
+    return "; ".join(filter(None, parts)) + "."
+
+
+def _value(parameter: Parameter | None) -> Value | None:
+    if parameter is None:
+        return None
+    if parameter.value is None:
+        return Value(None, note=_UNDETERMINED)
+    return Value(parameter.value, parameter.std_error, parameter.ci95)
+
+
+def _words(name: str) -> str:
+    return clean(name).replace("_", " ")

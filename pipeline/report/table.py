@@ -1,0 +1,142 @@
+"""A table as the page shows it: one unit a column, digits that the error warrants, points under points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from markupsafe import Markup
+
+from pipeline.findings.figures import Cell, Column, Table, Value
+from pipeline.report.numbers import THIN, Reading, aligned_readings, reading
+from pipeline.report.reading_units import ReadingUnit, reading_unit, typical
+from pipeline.report.words import clean
+
+MOST_ROWS = 200
+NOTHING = "–"
+_WIDE_FROM = 8  # columns; print takes smaller type
+
+
+@dataclass(frozen=True)
+class Head:
+    """Heading of a column: words, unit, whether its cells are numbers."""
+
+    text: str
+    unit: str = ""
+    number: bool = False
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A cell as text: `below` is a second, smaller line, `kind` a CSS class."""
+
+    text: str
+    below: str = ""
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class TableView:
+    """What the template needs of a table; `left_out` rows are only in findings.json."""
+
+    kind: ClassVar[str] = "table"
+    name: str
+    title: str
+    caption: str
+    heads: Sequence[Head]
+    rows: Sequence[Sequence[Shown]]
+    left_out: int = 0
+    notes: Sequence[str] = ()
+    number: int = 0
+
+    @property
+    def wide(self) -> bool:
+        """Tell whether the table needs smaller type on paper."""
+        return len(self.heads) >= _WIDE_FROM
+
+    def numbered(self, number: int) -> TableView:
+        """Return the table with its number in the page."""
+        return replace(self, number=number)
+
+
+def table_view(table: Table, most_rows: int = MOST_ROWS) -> TableView:
+    """Lay out a table of SI numbers.
+
+    Parameters
+    ----------
+    table
+        Headings, rows and caption; text that is not `Markup` is escaped later by the template.
+    most_rows
+        Rows beyond are left out and counted.
+    """
+    rows = table.rows[:most_rows]
+    columns = [[row[place] if place < len(row) else None for row in rows] for place in range(len(table.columns))]
+    laid = [_column(column, cells) for column, cells in zip(table.columns, columns, strict=True)]
+    return TableView(
+        name=table.name,
+        title=_text(table.title),
+        caption=_text(table.caption),
+        heads=[head for head, _ in laid],
+        rows=[list(row) for row in zip(*(cells for _, cells in laid), strict=True)] if laid else [],
+        left_out=len(table.rows) - len(rows),
+    )
+
+
+def column_unit(column: Column, cells: Sequence[Cell]) -> ReadingUnit:
+    """Return the unit in which the numbers of a column read best."""
+    magnitudes = []
+    for cell in cells:
+        if isinstance(cell, Value):
+            magnitudes.append(max(abs(cell.value or 0.0), abs(cell.std_error or 0.0)))
+        elif isinstance(cell, int | float) and not isinstance(cell, bool):
+            magnitudes.append(float(cell))
+    return reading_unit(column.unit or "1", typical(magnitudes))
+
+
+def _column(column: Column, cells: Sequence[Cell]) -> tuple[Head, list[Shown]]:
+    numbers = [cell for cell in cells if isinstance(cell, int | float | Value) and not isinstance(cell, bool)]
+    if not numbers:
+        return Head(_text(column.heading)), [_words(cell) for cell in cells]
+    if all(isinstance(cell, int) for cell in numbers) and column.unit in ("", "1"):
+        texts = [f"{cell:,}".replace(",", THIN) if _counts(cell) else _words(cell).text for cell in cells]
+        return Head(_text(column.heading), "", True), [Shown(text, kind="number") for text in texts]
+    unit = column_unit(column, cells)
+    readings = [_reading(cell, unit) for cell in cells]
+    texts = aligned_readings(readings)
+    shown = []
+    for cell, found, text in zip(cells, readings, texts, strict=True):
+        if found is None:
+            words = _words(cell)
+            shown.append(replace(words, kind="number missing" if words.text == NOTHING else "number"))
+        else:
+            note = clean(cell.note) if isinstance(cell, Value) else ""
+            shown.append(Shown(text, "; ".join(filter(None, (found.interval, note))), "number"))
+    return Head(_text(column.heading), unit.name, True), shown
+
+
+def _counts(cell: Cell) -> bool:
+    return isinstance(cell, int) and not isinstance(cell, bool)
+
+
+def _reading(cell: Cell, unit: ReadingUnit) -> Reading | None:
+    if isinstance(cell, Value):
+        return None if cell.value is None else reading(cell.value, cell.std_error, cell.ci95, unit.size)
+    if isinstance(cell, int | float) and not isinstance(cell, bool) and math.isfinite(cell):
+        return reading(float(cell), size=unit.size)
+    return None
+
+
+def _words(cell: Cell) -> Shown:
+    if isinstance(cell, Value):
+        return Shown(NOTHING, clean(cell.note))
+    if isinstance(cell, bool):
+        return Shown("yes" if cell else "no")
+    if cell is None or isinstance(cell, int | float):
+        return Shown(NOTHING)
+    return Shown(_text(cell) or NOTHING)
+
+
+def _text(text: str) -> str:
+    return text if isinstance(text, Markup) else clean(text)
