@@ -52,7 +52,11 @@ class Damage:
 
 @dataclass
 class Layout:
-    """What one walk over a file found; `lists_channels`: its summary repeats all channels."""
+    """What one walk over a file found.
+
+    `data_end` is where the data section closes, None where it does not; `lists_channels` tells that the
+    summary repeats all channels.
+    """
 
     path: Path
     size: int
@@ -65,6 +69,7 @@ class Layout:
     attachments: int = 0
     message_counts: dict[int, int] | None = None
     lists_channels: bool = False
+    data_end: int | None = None
     has_footer: bool = False
     damages: list[Damage] = field(default_factory=list)
     bad_definitions: list[str] = field(default_factory=list)
@@ -137,7 +142,6 @@ def _check_magic(path: Path, found: bytes, size: int) -> None:
 
 def _walk(layout: Layout, window: _Window) -> None:
     at = len(records.MAGIC)
-    in_summary = False
     while at < layout.size:
         last = layout.segments[-1] if layout.segments else None
         reason = _step_reason(layout, window, at)
@@ -145,9 +149,11 @@ def _walk(layout: Layout, window: _Window) -> None:
             opcode, length = RECORD_HEAD.unpack(window.at(at, RECORD_HEAD.size))
             _take(layout, window, last, opcode, at, length)
             at += RECORD_HEAD.size + length
-            in_summary = in_summary or opcode == records.DATA_END
-            layout.lists_channels = layout.lists_channels or (in_summary and opcode == records.CHANNEL)
-            if opcode == records.FOOTER:
+            if opcode == records.DATA_END:
+                layout.data_end = at
+            elif opcode == records.CHANNEL and layout.data_end is not None:
+                layout.lists_channels = True
+            elif opcode == records.FOOTER:
                 layout.has_footer = True
                 return
             continue

@@ -201,6 +201,12 @@ def _notes(
 def _damage_notes(layout: Layout, messages: Messages, zero: int) -> Iterator[QualityFinding]:
     """Tell what is lost: bytes of the file, chunks, and until when the rest can be read."""
     for damage in layout.damages:
+        if layout.data_end is not None and damage.start >= layout.data_end:
+            text = (
+                f"the index at the end of the file is damaged (byte {damage.start} of {layout.size}: {damage.reason})"
+            )
+            yield QualityFinding("note", f"{text}; all messages stand before it.")
+            continue
         lost = damage.stop - damage.start
         share = 100.0 * lost / layout.size
         if damage.stop < layout.size:
