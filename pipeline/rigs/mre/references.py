@@ -1,0 +1,51 @@
+"""Sources that the MRE experiments cite."""
+
+from __future__ import annotations
+
+from pipeline.rigs.experiment import Reference
+
+BRANCATI_2019 = Reference(
+    "brancati2019",
+    "R. Brancati and G. Di Massa and S. Pagano",
+    "Investigation on the Mechanical Properties of MRE Compounds",
+    "Machines",
+    2019,
+    volume="7",
+    pages="36",
+)
+GOLUB_PEREYRA_1973 = Reference(
+    "golub1973",
+    "G. H. Golub and V. Pereyra",
+    "The differentiation of pseudo-inverses and nonlinear least squares problems whose variables separate",
+    "SIAM Journal on Numerical Analysis",
+    1973,
+    volume="10",
+    pages="413-432",
+)
+KAUFMAN_1975 = Reference(
+    "kaufman1975",
+    "L. Kaufman",
+    "A variable projection method for solving separable nonlinear least squares problems",
+    "BIT",
+    1975,
+    volume="15",
+    pages="49-57",
+)
+ISMAIL_2009 = Reference(
+    "ismail2009",
+    "M. Ismail and F. Ikhouane and J. Rodellar",
+    "The hysteresis Bouc-Wen model, a survey",
+    "Archives of Computational Methods in Engineering",
+    2009,
+    volume="16",
+    pages="161-188",
+)
+SCHWARZ_1978 = Reference(
+    "schwarz1978",
+    "G. Schwarz",
+    "Estimating the dimension of a model",
+    "The Annals of Statistics",
+    1978,
+    volume="6",
+    pages="461-464",
+)

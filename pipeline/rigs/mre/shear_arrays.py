@@ -1,0 +1,190 @@
+"""Tables beside the findings of `mre.shear`: what figures are drawn from and others can go on with. SI."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.rigs.mre.dynamic_fit import DynamicFit
+from pipeline.rigs.mre.leave_one_out import LeaveOneOut
+from pipeline.rigs.mre.loop import Loop, curve
+from pipeline.rigs.mre.preload import PreloadTable
+from pipeline.rigs.mre.shear_parameters import run_metrics
+from pipeline.rigs.mre.shear_runs import SortedRuns
+from pipeline.rigs.mre.time_fit import TimeFit
+
+_POINTS, _SAMPLES, _SERIES = 256, 600, 3000
+# Beyond this many runs only the tables per run are kept, not every loop.
+_LOOPS_KEPT = 60
+_LINE_POINTS = 25
+
+
+def arrays_of(
+    runs: SortedRuns,
+    fit: DynamicFit | None,
+    without: LeaveOneOut | None,
+    times: Sequence[TimeFit],
+    preloads: PreloadTable | None,
+) -> dict[str, pd.DataFrame]:
+    """Return the tables that there are, by name."""
+    tables = {
+        "runs": _runs(runs, fit, without),
+        "loops": _loops(runs, fit),
+        "samples": _samples(runs),
+        "half_cycles": _half_cycles(runs),
+        "residual_harmonics": _residual_harmonics(fit),
+        "correlation": _correlation(fit, times),
+        "model_lines": _model_lines(fit),
+        "series": _series(times),
+        "preload_states": _preload_states(preloads),
+    }
+    return {name: table for name, table in tables.items() if len(table)}
+
+
+def _runs(runs: SortedRuns, fit: DynamicFit | None, without: LeaveOneOut | None) -> pd.DataFrame:
+    rows = []
+    for usable in runs.usable:
+        row: dict[str, float | str | None] = {
+            "run": usable.run,
+            "kind": usable.excitation.kind,
+            "frequency": usable.excitation.frequency,
+            "current": usable.current,
+            "preload": usable.preload,
+            "sequence": usable.sequence,
+            "samples": usable.series.time.size,
+        }
+        if usable.loop is not None:
+            row |= {"frequency": usable.loop.frequency, "cycles": usable.loop.duration * usable.loop.frequency}
+            row |= {"force_noise": usable.loop.sigma_f, "displacement_noise": usable.loop.sigma_x}
+            for metric in run_metrics(usable, fit):
+                row |= {metric.name: metric.value, f"{metric.name}_low": (metric.ci95 or (None, None))[0]}
+                row |= {f"{metric.name}_high": (metric.ci95 or (None, None))[1]}
+        if fit is not None and usable.run in fit.chi2_by_run:
+            row |= {"chi2_reduced": fit.chi2_by_run[usable.run], "gain": fit.gain_by_run[usable.run]}
+            row |= {"nrmse": fit.nrmse_by_run[usable.run]}
+            if without is not None:
+                row |= {"prediction_nrmse": without.prediction_nrmse.get(usable.run)}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _loops(runs: SortedRuns, fit: DynamicFit | None) -> pd.DataFrame:
+    parts = []
+    for usable in runs.loops[:_LOOPS_KEPT]:
+        assert usable.loop is not None
+        loop = usable.loop
+        part = {
+            "run": loop.run,
+            "displacement": curve(loop.X, _POINTS),
+            "force": curve(loop.F, _POINTS),
+            "model": _modelled(fit, loop),
+        }
+        parts.append(pd.DataFrame(part))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def _modelled(fit: DynamicFit | None, loop: Loop) -> np.ndarray | float:
+    if fit is None or all(other.run != loop.run for other in fit.loops):
+        return float("nan")
+    return curve(fit.predicted(loop), _POINTS)
+
+
+def _samples(runs: SortedRuns) -> pd.DataFrame:
+    parts = []
+    for usable in runs.loops[:_LOOPS_KEPT]:
+        assert usable.loop is not None
+        series = usable.series
+        step = max(series.time.size // _SAMPLES, 1)
+        x, F = series.x[::step] - usable.loop.x_mean, series.F[::step] - usable.loop.f_mean
+        parts.append(pd.DataFrame({"run": usable.run, "displacement": x, "force": F}))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def _half_cycles(runs: SortedRuns) -> pd.DataFrame:
+    parts = []
+    for usable in runs.half_cycles[:_LOOPS_KEPT]:
+        step = max(usable.series.time.size // _SERIES, 1)
+        x, F = usable.series.x[::step], usable.series.F[::step]
+        parts.append(pd.DataFrame({"run": usable.run, "displacement": x - x[0], "force": F - F[0]}))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def _residual_harmonics(fit: DynamicFit | None) -> pd.DataFrame:
+    """Return the misfit of each harmonic over its standard deviation, real and imaginary part."""
+    if fit is None:
+        return pd.DataFrame()
+    from pipeline.rigs.mre.dynamic_model import effective_sd
+
+    parts = []
+    for loop in fit.loops:
+        error = ((loop.F - fit.predicted(loop)) / effective_sd(loop))[loop.kept]
+        order = np.arange(1, loop.F.size + 1)[loop.kept]
+        parts.append(pd.DataFrame({"run": loop.run, "order": order, "real": error.real, "imaginary": error.imag}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _correlation(fit: DynamicFit | None, times: Sequence[TimeFit]) -> pd.DataFrame:
+    source = fit if fit is not None else times[0] if times else None
+    if source is None:
+        return pd.DataFrame()
+    table = pd.DataFrame(source.correlation, columns=list(source.names))
+    table.insert(0, "name", list(source.names))
+    table["condition"] = source.condition
+    return table
+
+
+def _model_lines(fit: DynamicFit | None) -> pd.DataFrame:
+    """Return what the model says between and around the measured frequencies and amplitudes."""
+    if fit is None or fit.rejected:
+        return pd.DataFrame()
+    frequencies = np.array([loop.frequency for loop in fit.loops])
+    amplitudes = np.array([loop.amplitude for loop in fit.loops])
+    middle_f, middle_x = float(np.median(frequencies)), float(np.median(amplitudes))
+    grid_f = np.geomspace(0.7 * frequencies.min(), 1.4 * frequencies.max(), _LINE_POINTS)
+    grid_x = np.geomspace(0.7 * amplitudes.min(), 1.4 * amplitudes.max(), _LINE_POINTS)
+    rows = []
+    for current in fit.levels or (0.0,):
+        points = [("frequency", f, middle_x) for f in grid_f] + [("amplitude", middle_f, x) for x in grid_x]
+        for over, f, x in points:
+            found = fit.loop_at(float(x), float(f), current)
+            row = {"over": over, "current": current, "frequency": f, "amplitude": x}
+            rows.append(
+                {**row, **{k: found[k] for k in ("stiffness_secant", "stiffness_storage", "damping", "loss_factor")}}
+            )
+    return pd.DataFrame(rows)
+
+
+def _series(times: Sequence[TimeFit]) -> pd.DataFrame:
+    """Return a stretch in the middle of the second half of each record, every sample, and the whole thinned."""
+    parts = []
+    for fit in times:
+        for run, series in fit.series.items():
+            n = series["time"].size
+            start = min(int(0.75 * n), max(n - _SERIES, 0))
+            part = pd.DataFrame({name: values[start : start + _SERIES] for name, values in series.items()})
+            part.insert(0, "run", run)
+            parts.append(part)
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def _preload_states(preloads: PreloadTable | None) -> pd.DataFrame:
+    rows = []
+    for state in preloads.states if preloads is not None else ():
+        rows.append(
+            {
+                "preload": state.preload,
+                "current": state.current,
+                "frequency": state.frequency,
+                "runs": ", ".join(state.runs),
+                "amplitude": state.amplitude,
+                "force_amplitude": state.force_amplitude,
+                "equal_amplitude": state.equal_amplitude,
+                "secant": state.secant.value,
+                "secant_error": state.secant.std_error,
+                "secant_equal": state.secant_equal.value,
+                "secant_equal_error": state.secant_equal.std_error,
+            }
+        )
+    return pd.DataFrame(rows)

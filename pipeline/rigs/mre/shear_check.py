@@ -1,0 +1,55 @@
+"""What the physics of a passive pad tells of one recording, without any fit (mre.md section 8)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.recording import QualityFinding, Recording
+
+# Plausible shear moduli of elastomers, Pa.
+MODULUS_RANGE = (0.05e6, 10e6)
+
+
+def check(recording: Recording) -> Sequence[QualityFinding]:
+    """Look for swapped or inverted channels and implausible stiffness in one run.
+
+    A passive device dissipates: the loop of F over x, F up and x right, runs clockwise, and force
+    rises with displacement. Nothing is said where the signals are dead or too short.
+    """
+    if recording.stream_of("displacement") is not recording.stream_of("force"):
+        return ()
+    x, F = recording.values("displacement"), recording.values("force")
+    valid = np.isfinite(x) & np.isfinite(F)
+    x, F = x[valid] - x[valid].mean() if valid.any() else x[valid], F[valid]
+    if x.size < 20 or np.ptp(x) == 0 or np.ptp(F) == 0:
+        return ()
+    found: list[QualityFinding] = []
+    F = F - F.mean()
+    slope = float(x @ F / (x @ x))
+    correlation = float(x @ F / math.sqrt((x @ x) * (F @ F)))
+    if correlation < -0.3:
+        found.append(
+            QualityFinding(
+                "warning",
+                f"force falls as displacement rises (correlation {correlation:.2f}): one of the two has the wrong "
+                "sign; mend it in the recipe with 'sign: -1'.",
+            )
+        )
+    diameter, height = recording.conditions.get("pad_diameter"), recording.conditions.get("pad_height")
+    if isinstance(diameter, float) and isinstance(height, float) and slope > 0:
+        pads = float(recording.conditions.get("n_pads", 2.0) or 2.0)
+        modulus = slope * height / (pads * math.pi * diameter**2 / 4)
+        if not MODULUS_RANGE[0] <= modulus <= MODULUS_RANGE[1]:
+            factor = 1000 if modulus < MODULUS_RANGE[0] else 0.001
+            found.append(
+                QualityFinding(
+                    "warning",
+                    f"the loop means a shear modulus of {modulus / 1e6:.3g} MPa, outside {MODULUS_RANGE[0] / 1e6:g} to "
+                    f"{MODULUS_RANGE[1] / 1e6:g} MPa: check the units of displacement, force and pad size "
+                    f"(mm taken as m, or N as kN, is a factor {factor:g}).",
+                )
+            )
+    return found

@@ -1,0 +1,88 @@
+"""The methods paragraphs of `mre.shear`, written from the findings and the settings that were used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pipeline.findings import Findings
+from pipeline.rigs.mre.shear_parameters import VARIANT_TEXTS
+
+
+def methods(findings: Findings) -> Sequence[str]:
+    """Return paragraphs that a second person can repeat the analysis from."""
+    kinds = findings.arrays["runs"]["kind"].value_counts() if "runs" in findings.arrays else {}
+    paragraphs = []
+    if kinds.get("periodic"):
+        paragraphs.append(_loops(findings, int(kinds["periodic"])))
+    if any(model.name in VARIANT_TEXTS for model in findings.models):
+        paragraphs.append(_dynamic(findings))
+        paragraphs.append(_errors(findings))
+    if any(model.name.startswith("time_domain") for model in findings.models):
+        paragraphs.append(_time(findings))
+    if kinds.get("half_cycle"):
+        paragraphs.append(
+            f"{int(kinds['half_cycle'])} runs hold one loading and unloading only. Their secant stiffness is the force at "
+            "the turn over the displacement there, their loss the work between both branches over the displacements that "
+            "the unloading covers again."
+        )
+    return paragraphs
+
+
+def _loops(findings: Findings, count: int) -> str:
+    mains = findings.settings.get("mains_frequency", 50.0)
+    spared = f" Harmonics within 2/T of a multiple of {mains:g} Hz were left out." if mains else ""
+    return (
+        f"{count} runs hold steady cycles. The fundamental frequency was fitted to the displacement, and harmonics 1 to 5 of "
+        "the displacement and 1 to 15 of the force were regressed at the recorded time stamps, together with a slow "
+        f"drift.{spared} Secant stiffness is the ratio of the half peak-to-peak values of the fitted curves, storage "
+        "stiffness and loss factor come from the first harmonics, and damping is the loop area over pi omega X^2 "
+        "(Brancati et al. 2019). Standard errors come from the level of the residual around each harmonic."
+    )
+
+
+def _dynamic(findings: Findings) -> str:
+    selected = next(model for model in findings.models if model.selected)
+    others = [model.name for model in findings.models if not model.selected]
+    lag = findings.settings.get("force_lag", "fit")
+    told = "was fitted along" if lag == "fit" else f"was held at {1e6 * float(lag):.3g} us"
+    compared = (
+        f" It was chosen by BIC (Schwarz 1978) among {', '.join(sorted([selected.name, *others]))}." if others else ""
+    )
+    return (
+        "The dynamic model is a Maxwell branch, a spring, the field's stiffness and damping, and a Bouc-Wen term (Brancati "
+        "et al. 2019, eqs 10 to 12; the dashpot of eq. 11 acts to ground, since the printed form does not depend on the "
+        "displacement; the Bouc-Wen model is surveyed by Ismail et al. 2009). It was evaluated in the periodic steady state "
+        "of the fitted displacement and compared with the force harmonics, weighted by their standard deviations, with the "
+        "noise of the displacement added as effective variance. The force is linear in all but four shape parameters and "
+        "the lag, so variable projection (Golub and Pereyra 1973, Kaufman 1975) with analytic derivatives was used, from "
+        f"{findings.settings.get('starts', 6)} starts. A constant lag of the force {told}. Variant '{selected.name}' "
+        f"({VARIANT_TEXTS.get(selected.name, '')}) was taken.{compared}"
+    )
+
+
+def _errors(findings: Findings) -> str:
+    scatter = next((p for p in findings.parameters if p.name == "run_scatter" and p.value), None)
+    found = f" It is {100 * (scatter.value or 0.0):.2g} % here." if scatter else " The data ask for none here."
+    allowed = findings.settings.get("run_scatter", True)
+    text = (
+        "A gain error of the force that changes from run to run, up to 2 %, was estimated by maximum marginal likelihood "
+        f"with the model's prediction as its direction.{found} "
+        if allowed
+        else "No gain error from run to run was allowed. "
+    )
+    return (
+        f"{text}Intervals hold 95 %; they are Student's with the degrees of freedom of the scatter and contain type A "
+        "contributions only: a gain error common to all runs scales stiffness, damping and force and is not in them. "
+        "A parameter is called undetermined where the Jacobian's condition and its own error say so."
+    )
+
+
+def _time(findings: Findings) -> str:
+    cutoff = findings.settings.get("cutoff")
+    told = f"{cutoff:g} Hz" if cutoff else "a cut-off taken from the spectrum of the displacement"
+    return (
+        "Records without a period were fitted in time: displacement and force through the same zero-phase low-pass "
+        f"({told}), the model integrated along the filtered displacement, linear coefficients and an offset projected out. "
+        "Intervals are widened by the effective number of residuals, which are coloured. The model was fitted to the first "
+        "half and its error in predicting the second half is given; the parameters come from the whole record."
+    )

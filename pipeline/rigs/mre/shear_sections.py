@@ -1,0 +1,438 @@
+"""What the report of `mre.shear` shows, drawn from parameters and arrays only (mre.md section 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import (
+    Axis,
+    Column,
+    Figure,
+    Line,
+    Matrix,
+    Panel,
+    Points,
+    Rule,
+    Section,
+    Table,
+    Text,
+    Value,
+)
+
+DISPLACEMENT, FORCE = Axis("displacement", "m"), Axis("force", "N")
+METRICS = {
+    "stiffness_secant": Axis("secant stiffness", "N/m"),
+    "stiffness_storage": Axis("storage stiffness K'", "N/m"),
+    "damping": Axis("damping", "N s/m"),
+    "loss_factor": Axis("loss factor"),
+}
+_PANELS = 16
+
+
+def sections(findings: Findings) -> Sequence[Section]:
+    """Return the chapters that the findings have something for."""
+    chapters = [
+        Section("loops", "Measured loops and the model", [*_loops(findings), *_half_cycles(findings)]),
+        Section("records", "Records without a period", _records(findings)),
+        Section("metrics", "Stiffness and damping of each run", _metrics(findings)),
+        Section("field", "What the field adds", _field(findings)),
+        Section(
+            "fit", "How well the model is known", [*_correlation(findings), *_residuals(findings), *_runs(findings)]
+        ),
+    ]
+    return [chapter for chapter in chapters if chapter.blocks]
+
+
+def _level(current: float | None) -> str:
+    return "" if current is None or not np.isfinite(current) else f"{round(current, 2):g} A"
+
+
+def _chosen(runs: Sequence[str], table: pd.DataFrame) -> list[str]:
+    """Take all runs where they are few, else the best, the worst and some between, by misfit."""
+    if len(runs) <= _PANELS:
+        return list(runs)
+    misfit = (
+        table.set_index("run")["nrmse"].reindex(list(runs)) if "nrmse" in table else pd.Series(0.0, index=list(runs))
+    )
+    ordered = list(misfit.sort_values(kind="stable").index)
+    kept = {ordered[round(i)] for i in np.linspace(0, len(ordered) - 1, _PANELS)}
+    return [run for run in runs if run in kept]
+
+
+def _titles(findings: Findings) -> dict[str, str]:
+    titles = {}
+    for row in findings.arrays["runs"].to_dict("records"):
+        parts = [str(row["run"])]
+        if pd.notna(row.get("frequency")):
+            parts.append(f"{row['frequency']:.3g} Hz")
+        if pd.notna(row.get("current")):
+            parts.append(_level(row["current"]))
+        titles[str(row["run"])] = ", ".join(parts)
+    return titles
+
+
+def _loops(findings: Findings) -> list[Figure]:
+    if "loops" not in findings.arrays:
+        return []
+    loops, samples = findings.arrays["loops"], findings.arrays["samples"]
+    titles = _titles(findings)
+    every = list(loops["run"].unique())
+    shown = _chosen(every, findings.arrays["runs"])
+    panels, rest = [], []
+    for run in shown:
+        curve, cloud = loops[loops["run"] == run], samples[samples["run"] == run]
+        x, F, model = (_closed(curve[name].to_numpy()) for name in ("displacement", "force", "model"))
+        marks: list[Mark] = [Points(cloud["displacement"].to_numpy(), cloud["force"].to_numpy(), "measured", "samples")]
+        fitted = np.isfinite(model).any()
+        marks_drawn = (
+            [*marks, Line(x, model, "model", "model")] if fitted else [*marks, Line(x, F, "reference", "harmonics")]
+        )
+        panels.append(Panel(marks_drawn, DISPLACEMENT, FORCE, titles.get(run, run)))
+        if fitted:
+            rest.append(Panel([Line(x, F - model, "residual"), Rule(y=0.0)], DISPLACEMENT, FORCE, titles.get(run, run)))
+    number = (
+        f"{len(shown)} of {len(every)} runs, from the best to the worst met" if len(shown) < len(every) else "every run"
+    )
+    figures = [
+        Figure(
+            "loops",
+            "Loops",
+            f"Does the model follow the loops? Samples, and the loop of the fitted model, of {number}. A loop that looks "
+            "right proves little: see the residuals.",
+            "force over displacement, samples and model, one panel a run",
+            panels,
+            columns=4 if len(panels) > 4 else 2,
+            share_x=True,
+            share_y=True,
+        )
+    ]
+    if rest:
+        figures.append(
+            Figure(
+                "loop_residuals",
+                "Residual loops",
+                "What does the model miss? Measured harmonics less model over one cycle; a shape that repeats from run to "
+                "run is the model's fault, one that does not is the run's.",
+                "residual force over displacement, one panel a run",
+                rest,
+                columns=4 if len(rest) > 4 else 2,
+                share_x=True,
+                share_y=True,
+            )
+        )
+    return figures
+
+
+def _closed(values: np.ndarray) -> np.ndarray:
+    return np.asarray(np.r_[values, values[:1]])
+
+
+def _half_cycles(findings: Findings) -> list[Figure]:
+    if "half_cycles" not in findings.arrays:
+        return []
+    table = findings.arrays["half_cycles"]
+    panels = []
+    for run in list(table["run"].unique())[:_PANELS]:
+        part = table[table["run"] == run]
+        line = Line(part["displacement"].to_numpy(), part["force"].to_numpy(), "measured", "load and unload")
+        panels.append(Panel([line], DISPLACEMENT, FORCE, str(run)))
+    return [
+        Figure(
+            "half_cycles",
+            "Half cycles",
+            "How much work is lost? The area between loading (upper branch) and unloading. One half cycle only: neither "
+            "damping nor the dynamic model can be told from it.",
+            "force over displacement, one panel a run",
+            panels,
+            columns=2,
+        )
+    ]
+
+
+def _records(findings: Findings) -> list[Figure | Text]:
+    if "series" not in findings.arrays:
+        return []
+    table = findings.arrays["series"]
+    blocks: list[Figure | Text] = []
+    for run in list(table["run"].unique())[:4]:
+        part = table[table["run"] == run]
+        time = part["time"].to_numpy()
+        few = slice(0, min(time.size, 1200))
+        force, model = part["force"].to_numpy(), part["model"].to_numpy()
+        blocks.append(
+            Figure(
+                f"record_{len(blocks)}",
+                f"Record {run}",
+                "Does the model follow the record? A stretch of its second half; the model shown is that of the whole "
+                "record.",
+                "force over time, measured and model; below the residual; beside the loops",
+                [
+                    Panel(
+                        [
+                            Line(time[few], force[few], "measured", "measured"),
+                            Line(time[few], model[few], "model", "model"),
+                        ],
+                        Axis("time", "s"),
+                        FORCE,
+                        "force",
+                    ),
+                    Panel(
+                        [Line(time[few], (force - model)[few], "residual"), Rule(y=0.0)],
+                        Axis("time", "s"),
+                        FORCE,
+                        "residual",
+                    ),
+                    Panel(
+                        [
+                            Line(part["displacement"].to_numpy(), force, "measured", "measured"),
+                            Line(part["displacement"].to_numpy(), model, "model", "model"),
+                        ],
+                        DISPLACEMENT,
+                        FORCE,
+                        "loops",
+                    ),
+                ],
+                columns=1,
+            )
+        )
+    return blocks
+
+
+def _metrics(findings: Findings) -> list[Figure | Table]:
+    runs = findings.arrays.get("runs")
+    if runs is None or "stiffness_secant" not in runs:
+        return []
+    runs = runs[runs["stiffness_secant"].notna()].copy()
+    runs["level"] = [_level(value) for value in runs["current"].astype(float)]
+    blocks: list[Figure | Table] = []
+    if len(runs) > 2:
+        for over, label, unit in (("frequency", "frequency", "Hz"), ("amplitude", "amplitude", "m")):
+            if runs[over].max() > 1.05 * runs[over].min():
+                blocks.append(_against(findings, runs, over, Axis(label, unit)))
+    blocks.append(_metrics_table(findings, runs))
+    return blocks
+
+
+def _against(findings: Findings, runs: pd.DataFrame, over: str, axis: Axis) -> Figure:
+    lines = findings.arrays.get("model_lines")
+    levels = sorted(runs["current"].dropna().unique().round(1)) or [None]
+    panels = []
+    for name, y in METRICS.items():
+        marks: list[Points | Line] = []
+        for number, level in enumerate(levels):
+            near = runs if level is None else runs[(runs["current"] - level).abs() < 0.3]
+            part = near.sort_values(over)
+            marks.append(
+                Points(
+                    part[over].to_numpy(float),
+                    part[name].to_numpy(float),
+                    number,
+                    _level(level),
+                    part[f"{name}_low"].to_numpy(float),
+                    part[f"{name}_high"].to_numpy(float),
+                )
+            )
+            if lines is not None:
+                curve = lines[lines["over"] == over]
+                curve = curve if level is None else curve[(curve["current"] - level).abs() < 0.3]
+                marks.append(Line(curve[over].to_numpy(), curve[name].to_numpy(), number))
+        panels.append(Panel(marks, axis, y, y.label))
+    other = "amplitude" if over == "frequency" else "frequency"
+    return Figure(
+        f"metrics_{over}",
+        f"Stiffness and damping over {over}",
+        f"How do stiffness and damping change with {over}? Points with 95 % intervals: each run at its own {other}; lines: "
+        f"the model at the median {other}, so points may lie off them without contradiction.",
+        f"secant and storage stiffness, damping and loss factor over {over}, one colour a current",
+        panels,
+        columns=2,
+    )
+
+
+def _metrics_table(findings: Findings, runs: pd.DataFrame) -> Table:
+    moduli = "shear_modulus_storage" in runs
+    names = [*METRICS, *(("shear_modulus_storage", "shear_modulus_loss") if moduli else ())]
+    headings = {
+        "stiffness_secant": "K_sec",
+        "stiffness_storage": "K'",
+        "damping": "damping",
+        "loss_factor": "loss factor",
+    }
+    headings |= {"shear_modulus_storage": "G'", "shear_modulus_loss": "G''"}
+    units = {"stiffness_secant": "N/m", "stiffness_storage": "N/m", "damping": "N s/m", "loss_factor": "1"}
+    units |= {"shear_modulus_storage": "Pa", "shear_modulus_loss": "Pa"}
+    by_run = {(p.name, p.at.get("run")): p for p in findings.parameters}
+    rows = []
+    for row in runs.head(200).to_dict("records"):
+        cells: list[str | float | Value | None] = [str(row["run"]), row["frequency"], row["amplitude"]]
+        cells.append(_level(row["current"]) if pd.notna(row["current"]) else "")
+        for name in names:
+            found = by_run.get((name, row["run"]))
+            cells.append(Value(found.value, found.std_error, found.ci95) if found else None)
+        rows.append(cells)
+    return Table(
+        "metrics",
+        "Loop metrics",
+        "Each run by itself, without the dynamic model. For an ellipse K_sec is |K*|, not K'.",
+        [
+            Column("run"),
+            Column("frequency", "Hz"),
+            Column("amplitude", "m"),
+            Column("current"),
+            *(Column(headings[name], units[name]) for name in names),
+        ],
+        rows,
+    )
+
+
+def _field(findings: Findings) -> list[Figure | Table]:
+    blocks: list[Figure | Table] = []
+    panels = []
+    for name, y in (("k_mr", Axis("k_MR", "N/m")), ("s_mr", Axis("s_MR", "N s/m"))):
+        found = [p for p in findings.parameters if p.name == name and p.value is not None and "coil_current" in p.at]
+        if found:
+            at = np.array([float(p.at["coil_current"]) for p in found])
+            value = np.array([p.value for p in found], dtype=float)
+            low, high = np.array([p.ci95 or (np.nan, np.nan) for p in found], dtype=float).T
+            marks = [Points(np.r_[0.0, at], np.r_[0.0, value], "model", "", np.r_[0.0, low], np.r_[0.0, high])]
+            panels.append(Panel(marks, Axis("coil current", "A"), y, y.label))
+    if panels:
+        blocks.append(
+            Figure(
+                "field",
+                "Stiffness and damping added by the field",
+                "What does the field add? Identified k_MR and s_MR with 95 % intervals; zero at 0 A by definition.",
+                "k_MR and s_MR over coil current",
+                panels,
+                columns=2,
+            )
+        )
+    states = findings.arrays.get("preload_states")
+    if states is not None:
+        blocks.append(_preload_table(findings, states))
+    return blocks
+
+
+def _preload_table(findings: Findings, states: pd.DataFrame) -> Table:
+    effects = {(p.name, p.at.get("preload"), round(float(p.at.get("coil_current", 0)), 1)): p for p in findings.parameters
+               if p.name.startswith("mr_effect")}  # fmt: skip
+    rows = []
+    for row in states.to_dict("records"):
+        cells: list[str | float | Value | None] = [
+            row["preload"],
+            _level(row["current"]),
+            row["force_amplitude"],
+            row["amplitude"],
+        ]
+        cells.append(Value(row["secant"], row["secant_error"]))
+        cells.append(Value(row["secant_equal"], row["secant_equal_error"]) if pd.notna(row["secant_equal"]) else None)
+        for name in ("mr_effect_force", "mr_effect_amplitude"):
+            effect = effects.get((name, row["preload"], round(row["current"], 1)))
+            cells.append(Value(effect.value, effect.std_error, effect.ci95) if effect else None)
+        rows.append(cells)
+    return Table(
+        "preload",
+        "Stiffness against preload",
+        "At equal force the amplitude shrinks as the pads stiffen, and a smaller loop is stiffer: only the comparison at "
+        "equal amplitude is the field's own.",
+        [
+            Column("preload", "N"),
+            Column("current"),
+            Column("force", "N"),
+            Column("amplitude", "m"),
+            Column("K_sec", "N/m"),
+            Column("K_sec at equal amplitude", "N/m"),
+            Column("increment, equal force", "1"),
+            Column("increment, equal amplitude", "1"),
+        ],
+        rows,
+    )
+
+
+def _correlation(findings: Findings) -> list[Figure]:
+    table = findings.arrays.get("correlation")
+    if table is None or len(table) < 2:
+        return []
+    names = list(table["name"])
+    condition = float(table["condition"].iloc[0])
+    said = (
+        "above 500: only combinations are known" if condition > 500 else "below 500: the parameters can be told apart"
+    )
+    return [
+        Figure(
+            "correlation",
+            "Correlation of the parameters",
+            f"Which parameters trade for each other? Correlation of the estimates; condition number {condition:.3g}, {said}.",
+            "matrix of correlation coefficients",
+            [Panel([Matrix(table[names].to_numpy(), names, names)])],
+        )
+    ]
+
+
+def _residuals(findings: Findings) -> list[Figure]:
+    table = findings.arrays.get("residual_harmonics")
+    if table is None:
+        return []
+    order = table["order"].to_numpy(float)
+    marks: list[Mark] = [
+        Points(order - 0.12, table["real"].to_numpy(), "residual", "in phase"),
+        Points(order + 0.12, table["imaginary"].to_numpy(), "model", "out of phase"),
+        Rule(y=1.96, label="95 %"),
+        Rule(y=-1.96),
+    ]
+    share = float((np.abs(table[["real", "imaginary"]].to_numpy()) < 1.96).mean())
+    return [
+        Figure(
+            "residual_harmonics",
+            "Residual by harmonic",
+            f"Is the residual no more than noise? Misfit of every harmonic of every run over its standard deviation, run "
+            f"scatter not taken out; {100 * share:.0f} % lie within 1.96, 95 % would for pure noise.",
+            "normalised residual over the order of the harmonic",
+            [Panel(marks, Axis("order of the harmonic"), Axis("residual over its standard deviation"))],
+        )
+    ]
+
+
+def _runs(findings: Findings) -> list[Table]:
+    table = findings.arrays.get("runs")
+    if table is None or "chi2_reduced" not in table:
+        return []
+    used = table[table["chi2_reduced"].notna()].head(200)
+    columns = [
+        Column("run"),
+        Column("misfit of the force", "1"),
+        Column("chi2 per datum"),
+        Column("gain against the model", "1"),
+    ]
+    predicted = "prediction_nrmse" in used and used["prediction_nrmse"].notna().any()
+    if predicted:
+        columns.append(Column("misfit when predicted by the others", "1"))
+    rows = []
+    for row in used.to_dict("records"):
+        cells: list[str | float | None] = [
+            row["run"],
+            _three(row["nrmse"]),
+            f"{row['chi2_reduced']:.3g}",
+            _three(row["gain"]),
+        ]
+        if predicted:
+            cells.append(_three(row["prediction_nrmse"]))
+        rows.append(cells)
+    return [
+        Table(
+            "fit_by_run",
+            "Fit of each run",
+            "Does one run stand out? chi2 without run scatter: near 1 where noise explains the misfit. A gain far off the "
+            "others' names a run to be checked.",
+            columns,
+            rows,
+        )
+    ]
+
+
+def _three(value: float) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(f"{value:.3g}")

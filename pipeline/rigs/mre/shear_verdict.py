@@ -1,0 +1,139 @@
+"""The verdict on a shear campaign, with its reasons and what to measure next.
+
+rejected  the dynamic model is contradicted by the data (chi2 per degree of freedom above 2 with the
+          largest admissible run scatter, an impossible sign, or a prediction that misses a fifth of the
+          force), or every run is unfit. Loop metrics of the runs stand all the same.
+warning   something is not determined, one run only, half cycles only, a run left out or standing out, a
+          parameter at a bound.
+ok        none of these.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from pipeline.findings import Verdict
+from pipeline.rigs.mre.dynamic_fit import DynamicFit
+from pipeline.rigs.mre.loop import group_levels
+from pipeline.rigs.mre.shear_runs import SortedRuns
+from pipeline.rigs.mre.time_fit import TimeFit
+
+# Share of the force that the fit of the first half may miss in the second.
+PREDICTION_REJECTED, PREDICTION_WARNED = 0.2, 0.05
+
+
+@dataclass
+class Judgement:
+    """Verdict, reasons, advice."""
+
+    verdict: Verdict = "ok"
+    reasons: list[str] = field(default_factory=list)
+    advice: list[str] = field(default_factory=list)
+
+    def reject(self, reason: str) -> None:
+        """Reject, for that reason."""
+        self.verdict = "rejected"
+        self.reasons.append(reason)
+
+    def warn(self, reason: str) -> None:
+        """Warn, for that reason."""
+        if self.verdict == "ok":
+            self.verdict = "warning"
+        self.reasons.append(reason)
+
+
+def judge(runs: SortedRuns, fit: DynamicFit | None, times: list[TimeFit], odd: list[str]) -> Judgement:
+    """Weigh what was found."""
+    said = Judgement()
+    if fit is not None:
+        _loops(said, fit)
+    for time_fit in times:
+        _prediction(said, time_fit)
+    if not runs.loops and not runs.records:
+        said.warn("Half cycles only: stiffness and loss per run, no damping and no dynamic model.")
+        said.advice.append("Cycle the sample several times at constant frequency and amplitude.")
+    for run, reason in runs.left_out.items():
+        said.warn(f"Run {run} is left out: {reason}.")
+    for run in odd:
+        said.warn(f"Run {run} does not go with the others; see the quality findings.")
+    if any("asymmetric" in finding.message for finding in runs.quality):
+        said.warn("The force is asymmetric, which the symmetric model cannot follow.")
+    if not said.reasons:
+        said.reasons.append("All parameters are determined and the residual is no more than the noise.")
+    return said
+
+
+def _loops(said: Judgement, fit: DynamicFit) -> None:
+    ratio = fit.chi2 / max(fit.dof, 1)
+    if fit.rejected:
+        said.reject(
+            f"The dynamic model does not describe the data: chi2 per degree of freedom {ratio:.3g} with a run "
+            f"scatter of {100 * fit.run_scatter:.1f} %, rms misfit {100 * fit.nrmse:.2g} % of the force. The loop metrics "
+            "of each run do not depend on it."
+        )
+    if fit.inadmissible:
+        said.reject(f"Impossible sign of {', '.join(fit.inadmissible)}: the model is no description of this device.")
+    if len(fit.loops) == 1:
+        said.warn("One run only: loop metrics, and of the model what one loop determines.")
+        said.advice.append("Add runs at other frequencies and amplitudes; each alone leaves parameters open.")
+    if fit.undetermined:
+        said.warn(f"Not determined by these runs: {', '.join(fit.undetermined)}.")
+        said.advice += _design_advice(fit)
+    for name in fit.at_bound:
+        said.warn(f"{name} lies at the edge of what is admissible.")
+
+
+def _design_advice(fit: DynamicFit) -> list[str]:
+    """Say which runs would separate what is not separated (mre.md design rules)."""
+    advice = []
+    amplitudes = [loop.amplitude for loop in fit.loops]
+    _, different = group_levels(amplitudes, 0.1 * max(amplitudes))
+    _, frequencies = group_levels([loop.frequency for loop in fit.loops], 0.2)
+    if len(different) < 2:
+        shown = 1e3 * amplitudes[0]
+        advice.append(
+            f"Add runs at other amplitudes than {shown:.3g} mm, some {shown / 3:.2g} mm and some {shown * 2:.2g} mm: "
+            "one amplitude does not separate k2 from a_BW rho, nor C and n."
+        )
+    else:
+        rho = next((e.value for e in fit.estimates if e.name == "rho"), None)
+        if rho is not None and min(amplitudes) * rho > 1:
+            advice.append(f"Add a small amplitude, below {1e3 / rho:.2g} mm (1/rho).")
+        if rho is not None and max(amplitudes) * rho < 1.5:
+            advice.append(f"Add a large amplitude, above {1.5e3 / rho:.2g} mm (1.5/rho).")
+    if len(frequencies) < 2:
+        f = frequencies[0]
+        advice.append(
+            f"Add a run at {f / 5:.2g} Hz and one at {f * 3:.2g} Hz: one frequency does not separate k1 from k2."
+        )
+    else:
+        tau = next((e.value for e in fit.estimates if e.name == "tau"), None)
+        corner = 1 / (2 * math.pi * tau) if tau else math.nan
+        if min(frequencies) > corner:
+            advice.append(
+                f"Add a run at {corner / 3:.2g} Hz or less: all frequencies lie above 1/(2 pi tau) = {corner:.2g} Hz."
+            )
+        if max(frequencies) < corner:
+            advice.append(
+                f"Add a run at {corner * 2:.2g} Hz or more: all frequencies lie below 1/(2 pi tau) = {corner:.2g} Hz."
+            )
+    return advice or ["Add amplitudes and frequencies that are further apart."]
+
+
+def _prediction(said: Judgement, fit: TimeFit) -> None:
+    share = fit.nrmse_second_half
+    sentence = (
+        f"Fitted to the first half of the record the model predicts the second half to within {100 * share:.3g} % of "
+        f"the force (rms); the first half itself is met to {100 * fit.nrmse_first_half:.3g} %."
+    )
+    if not share < PREDICTION_REJECTED:
+        said.reject(f"{sentence} The model does not describe this device.")
+    elif share > PREDICTION_WARNED or share > 2 * fit.nrmse_first_half:
+        said.warn(sentence)
+    else:
+        said.reasons.append(sentence)
+    if fit.undetermined:
+        said.warn(f"Not determined by this record: {', '.join(fit.undetermined)}.")
+    for name in fit.at_bound:
+        said.warn(f"{name} lies at the edge of what is admissible.")
