@@ -12,8 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Columns at q: A of shape (m, p) and dA/dq of shape (k, m, p); real or complex.
-Columns = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+# How A c changes with q at fixed c: dA/dq of shape (k, m, p), or a function c -> (m, k) where most of it is 0.
+Slopes = np.ndarray | Callable[[np.ndarray], np.ndarray]
+# Columns at q: A of shape (m, p) and its slopes; real or complex.
+Columns = Callable[[np.ndarray], tuple[np.ndarray, Slopes]]
 # A linear map of the rows (whitening), applied to arrays of shape (rows, ...).
 RowMap = Callable[[np.ndarray], np.ndarray]
 
@@ -77,7 +79,8 @@ def fit_separable(
     Parameters
     ----------
     columns
-        ``columns(q) -> (A, dA)`` with shapes (m, p) and (k, m, p).
+        ``columns(q) -> (A, dA)`` with shapes (m, p) and (k, m, p), or in place of dA a function
+        ``c -> d(A c)/dq`` of shape (m, k) for those that are mostly zero.
     y
         Data, shape (m,), real or complex (real and imaginary parts then count as data).
     q0, lower, upper, scale
@@ -165,7 +168,7 @@ def multi_start(
     if not ends:
         raise ValueError(f"no start led to a fit: {failure}")
     best = min([end for end in ends if acceptable(end)] or ends, key=lambda end: end.chi2)
-    agreeing = sum(end.chi2 <= best.chi2 * (1 + 1e-6) + 1e-9 and acceptable(end) == acceptable(best) for end in ends)
+    agreeing = sum(end.chi2 <= best.chi2 * (1 + 1e-4) and acceptable(end) == acceptable(best) for end in ends)
     return best, agreeing, len(ends)
 
 
@@ -215,15 +218,21 @@ class _Projected:
         """Compute columns, basis of their range, coefficients and residual at q, once."""
         if self._at is not None and np.array_equal(q, self._at):
             return
-        A, dA = self.columns(q)
-        if not (np.all(np.isfinite(A)) and np.all(np.isfinite(dA))):
+        A, self.slopes = self.columns(q)
+        if not np.all(np.isfinite(A)):
             raise ValueError(f"the columns are not finite at {q}")
         self.evaluations += 1
         self.A = self._rows(A)
-        self.dA = np.moveaxis(self._rows(np.moveaxis(dA, 0, 1)), 1, 0)
         self.basis, self.c = _range_and_solution(self.A, self.y)
         self.r = self.y - self.A @ self.c
         self._at = q.copy()
+
+    def _slopes(self) -> np.ndarray:
+        """Return the weighted d(A c)/dq, shape (m, k)."""
+        slopes = self.slopes(self.c) if callable(self.slopes) else (self.slopes @ self.c).T
+        if not np.all(np.isfinite(slopes)):
+            raise ValueError("the derivatives of the columns are not finite")
+        return self._rows(slopes)
 
     def residual(self, q: np.ndarray) -> np.ndarray:
         self._solve(q)
@@ -231,12 +240,12 @@ class _Projected:
 
     def reduced_jacobian(self, q: np.ndarray) -> np.ndarray:
         self._solve(q)
-        slopes = (self.dA @ self.c).T
+        slopes = self._slopes()
         return np.asarray(self.basis @ (self.basis.T @ slopes) - slopes)
 
     def result(self, q: np.ndarray, at_bound: np.ndarray, converged: bool) -> SeparableFit:
         self._solve(q)
-        jacobian = np.hstack([(self.dA @ self.c).T, self.A]) if q.size else self.A
+        jacobian = np.hstack([self._slopes(), self.A]) if q.size else self.A
         if jacobian.shape[0] < jacobian.shape[1]:
             raise ValueError(f"{jacobian.shape[0]} data cannot determine {jacobian.shape[1]} parameters")
         covariance, condition = covariance_of(jacobian)

@@ -165,13 +165,15 @@ def effective_sd(loop: Loop) -> np.ndarray:
     return sd
 
 
-def start_points(loops: Sequence[Loop], count: int, seed: int) -> list[np.ndarray]:
-    """Return `count` start points (ln tau, ln rho, C, n, lag): the standard one, then random ones."""
-    largest = max(loop.amplitude for loop in loops)
+def spread_starts(largest: float, count: int, seed: int) -> list[np.ndarray]:
+    """Return `count` start points (ln tau, ln rho, C, n, lag): the standard one, then random ones.
+
+    `largest` is the largest amplitude (m): rho is sought where it bends the loop.
+    """
     first = np.array([np.log(0.01), np.log(2 / largest), 1.0, 1.8, 0.0])
     rng = np.random.default_rng(seed)
-    spread = rng.random((max(count - 1, 0), 4))  # wide: the bounds are wider still
     low = np.array([np.log(2e-3), np.log(0.5 / largest), 0.55, 1.05])
     high = np.array([np.log(0.1), np.log(10 / largest), 2.5, 3.5])
-    others = np.hstack([low + spread * (high - low), np.zeros((spread.shape[0], 1))])
+    others = np.zeros((max(count - 1, 0), 5))
+    others[:, :4] = low + rng.random((others.shape[0], 4)) * (high - low)
     return [np.clip(point, LOWER, UPPER) for point in (first, *others)]

@@ -16,7 +16,7 @@ from pipeline.estimation.scatter import Scatter, estimate_scatter, gain_vectors,
 from pipeline.estimation.selection import Candidate, rank
 from pipeline.estimation.separable import RowMap, SeparableFit, fit_separable, multi_start
 from pipeline.rigs.mre.dynamic_fit import DynamicFit, VariantFit
-from pipeline.rigs.mre.dynamic_model import LOWER, SCALE, SHAPE_NAMES, UPPER, HarmonicModel, Layout, start_points
+from pipeline.rigs.mre.dynamic_model import LOWER, SCALE, SHAPE_NAMES, UPPER, HarmonicModel, Layout, spread_starts
 from pipeline.rigs.mre.fit_errors import (
     PHYSICAL_BOUNDS,
     Key,
@@ -87,7 +87,7 @@ def identify_loops(loops: Sequence[Loop], options: FitOptions | None = None) -> 
         _model(loops, Layout(name, tuple(labels), tuple(levels), reference, options.fit_mass), options)
         for name in names
     ]
-    starts = start_points(loops, options.starts, options.seed)
+    starts = spread_starts(max(loop.amplitude for loop in loops), options.starts, options.seed)
     found = [_search(models[0], starts)]
     found += [_search(model, [found[0][0].q]) for model in models[1:]]
     variants, chosen = _compared(models, [fit for fit, _, _ in found], options)

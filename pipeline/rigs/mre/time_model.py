@@ -1,0 +1,127 @@
+"""The dynamic model along records as a separable problem: columns of all segments, offsets, mains lines.
+
+No search and no statistics here: those are in `time_fit`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.estimation.separable import Slopes
+from pipeline.rigs.mre.dynamic_model import FIELD_TERMS, Shape
+from pipeline.rigs.mre.loop import group_levels
+from pipeline.rigs.mre.time_columns import Segment, segment_columns
+from pipeline.signals.spectra import hum
+
+
+@dataclass(frozen=True)
+class TimeOptions:
+    """How to fit.
+
+    `cutoff` (Hz) of the zero-phase low-pass on x, None = from its spectrum. `viscous` adds a column
+    x' shared by all records (at one current it is s_MR); `drift` a straight line per record. Lines of the
+    `mains` (Hz, 0 for none) that stand out of the residual are fitted along.
+    """
+
+    cutoff: float | None = None
+    drift: bool = False
+    viscous: bool = False
+    fit_lag: bool = True
+    force_lag: float = 0.0
+    fit_mass: bool = False
+    mains: float = 50.0
+    current_tolerance: float = 0.25
+    starts: int = 4
+    seed: int = 0
+
+
+class TimeModel:
+    """Columns of all segments, on all or some of their rows.
+
+    `terms` are (column, current level or None for all); `nuisance` holds the offset, with `drift` the
+    straight line, of every segment and the mains lines, shape (rows of all segments, columns).
+    """
+
+    def __init__(self, segments: Sequence[Segment], options: TimeOptions, rows: np.ndarray | None = None) -> None:
+        self.segments, self.options = tuple(segments), options
+        labels, levels = group_levels([part.current for part in segments], options.current_tolerance)
+        self.labels, self.levels = labels, tuple(levels)
+        self.reference = int(np.argmin(np.abs(levels)))
+        self.segment_of_row = np.repeat(np.arange(len(segments)), [part.time.size for part in segments])
+        self.usable = np.concatenate([part.usable for part in segments])
+        self.first_half = np.concatenate([part.first_half for part in segments])
+        self.rows = np.ones(self.usable.size, dtype=bool) if rows is None else rows
+        self.force = np.concatenate([part.force for part in segments])
+        self.n_shape = 5 if options.fit_lag else 4
+        shared = [("u", None), ("x", None), ("w", None)]
+        shared += [("v", None)] * options.viscous + [("m", None)] * options.fit_mass
+        others = sorted(set(labels) - {self.reference})
+        self.terms = [*shared, *((column, level) for level in others for column in FIELD_TERMS["ks"])]
+        self.nuisance = self._nuisance()
+
+    def _nuisance(self) -> np.ndarray:
+        """Return the offset, and with `drift` the straight line, of every segment, shape (rows, columns)."""
+        member = self.segment_of_row[:, None] == np.arange(len(self.segments))
+        if not self.options.drift:
+            return member.astype(float)
+        position = np.concatenate([np.linspace(-1, 1, part.time.size) for part in self.segments])
+        return np.hstack([member, member * position[:, None]])
+
+    def restricted(self, rows: np.ndarray) -> TimeModel:
+        """Return the model on some rows only; offsets without any row are left out."""
+        other = TimeModel(self.segments, self.options, rows)
+        other.nuisance = self.nuisance[:, np.abs(self.nuisance[rows]).max(axis=0) > 0]
+        return other
+
+    def __call__(self, q: np.ndarray) -> tuple[np.ndarray, Slopes]:
+        """Return A (rows, terms + nuisance) and the function c -> d(A c)/dq (rows, n_shape)."""
+        shape = Shape.of(q, self.options.force_lag)
+        A = np.zeros((int(self.rows.sum()), len(self.terms) + self.nuisance.shape[1]))
+        A[:, len(self.terms) :] = self.nuisance[self.rows]
+        parts: list[tuple[slice, int, np.ndarray, list[dict[str, np.ndarray]]]] = []
+        start = 0
+        for i, segment in enumerate(self.segments):
+            kept = np.flatnonzero(self.rows[self.segment_of_row == i])
+            if kept.size == 0:
+                continue
+            columns, slopes = segment_columns(segment, shape, int(kept[-1]) + 1)
+            rows = slice(start, start + kept.size)
+            start = rows.stop
+            for j, (name, level) in enumerate(self.terms):
+                if level in (None, self.labels[i]):
+                    A[rows, j] = columns[name][kept]
+            parts.append((rows, self.labels[i], kept, slopes))
+
+        def slopes_of(c: np.ndarray) -> np.ndarray:
+            out = np.zeros((A.shape[0], self.n_shape))
+            for rows, label, kept, slopes in parts:
+                for k in range(self.n_shape):
+                    for (name, level), coefficient in zip(self.terms, c, strict=False):
+                        if name in slopes[k] and level in (None, label):
+                            out[rows, k] += coefficient * slopes[k][name][kept]
+            return out
+
+        return A, slopes_of
+
+    @property
+    def data(self) -> np.ndarray:
+        """Measured force at the rows."""
+        return self.force[self.rows]
+
+    def add_hum(self, residual: np.ndarray) -> None:
+        """Add a sine for every mains line that stands out of the residual (of the usable rows) of a segment."""
+        if self.options.mains <= 0:
+            return
+        time = np.concatenate([part.time for part in self.segments])
+        lines = []
+        for i in range(len(self.segments)):
+            here = self.segment_of_row[self.usable] == i
+            for line in hum(time[self.usable][here], residual[here], self.options.mains):
+                if line.present:
+                    turn = np.where(self.segment_of_row == i, np.exp(2j * np.pi * line.frequency * time), 0)
+                    lines += [turn.real, turn.imag]
+        if lines:
+            self.nuisance = np.column_stack([self.nuisance, *lines])
