@@ -8,13 +8,14 @@ differences until the digits stand. For models that are linear in most of their 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.estimation.search import Search, Unknown, Values
 from pipeline.estimation.uncertainty import Covariance
 
@@ -80,17 +81,25 @@ class Fit:
         with np.errstate(invalid="ignore"):
             return np.asarray(self.covariance.matrix / np.outer(sd, sd))
 
-    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Return the t interval of a free parameter; of a logarithmic one symmetric in its logarithm."""
-        index = self.names.index(name)
-        value, sd = self.values[name], float(self.covariance.std_error[index])
-        if next(u for u in self.unknowns if u.name == name).logarithmic and math.isfinite(sd):
-            logs = Covariance(np.array([[(sd / value) ** 2]]), self.covariance.dof)
-            low, high = np.exp(logs.intervals(np.array([math.log(value)]), level)[0])
-        else:
-            one = Covariance(np.array([[sd**2]]), self.covariance.dof)
-            low, high = one.intervals(np.array([value]), level)[0]
-        return float(low), float(high)
+    def estimates(self, at: Mapping[str, float | str | bool] | None = None) -> list[Estimate]:
+        """Return the free parameters with their 95 % intervals, or the reason why there is none.
+
+        Intervals are Student's; those of logarithmic parameters symmetric in the logarithm.
+        """
+        logarithmic = {u.name for u in self.unknowns if u.logarithmic}
+        found = []
+        for name, sd in self.std_error.items():
+            if name in self.at_bound:
+                reason = (
+                    f"the fit ends at its bound, {self.values[name]:.6g}; only the profile likelihood can tell more"
+                )
+                found.append(undetermined(name, reason, at))
+            elif not math.isfinite(sd):
+                found.append(undetermined(name, "the data do not determine it, alone or beside the others", at))
+            else:
+                dof, log = self.covariance.dof, name in logarithmic
+                found.append(estimate(name, self.values[name], sd, dof=dof, at=at, logarithmic=log))
+        return found
 
     def with_covariance(self, covariance: Covariance) -> Fit:
         """Return the same fit with another covariance (Newey-West, clusters, jackknife)."""
@@ -127,8 +136,13 @@ def fit(
         Relative step of the differences; raise it (1e-4) where the residual comes from an adaptive
         solver and is not smooth.
     starts
-        How many starts to try: the given one, then a Latin hypercube over the bounds (or, without
-        bounds, over a factor of ten either side); the smallest chi2 wins.
+        How many starts to try: the given one, then a Latin hypercube over the bounds (without them
+        over ten times the start, or a decade for logarithmic ones, either side); smallest chi2 wins.
+    seed
+        Of the hypercube.
+    max_evaluations
+        Of the residual in each search, those for differences not counted; by default 2000 a
+        parameter.
 
     Raises
     ------

@@ -57,8 +57,8 @@ class Search:
         self.low = np.array([self._inside(u, u.low) for u in self.free]) / self.scale
         self.high = np.array([self._inside(u, u.high) for u in self.free]) / self.scale
         self.evaluations = 0
-        self.size = 0
-        self.wall = 0.0
+        self.wall = math.nan
+        self.size = 0.0
 
     @staticmethod
     def _inside(unknown: Unknown, value: float) -> float:
@@ -107,7 +107,7 @@ class Search:
         """Return the given start, then a Latin hypercube."""
         given = np.array([self._inside(u, u.start) for u in self.free]) / self.scale
         rng = np.random.default_rng(seed)
-        spread = np.where([u.logarithmic for u in self.free], math.log(10.0), 10 * np.abs(given))
+        spread = np.where([u.logarithmic for u in self.free], math.log(10.0), 10 * np.maximum(np.abs(given), 1.0))
         low = np.where(np.isfinite(self.low), self.low, given - spread)
         high = np.where(np.isfinite(self.high), self.high, given + spread)
         extra = max(count - 1, 0)
@@ -120,13 +120,15 @@ class Search:
         """Run lmfit from one start; None where the residual is not finite there."""
         import lmfit
 
-        self.wall = math.nan
+        self.wall = math.nan  # nothing to fall back on yet
         first = self.residual(start)
         if first.size < len(self.free):
             raise InputError(f"{first.size} data cannot determine {len(self.free)} parameters; give more data.")
         if not np.isfinite(first).all():
             return None
-        self.wall = 10 * math.sqrt(float(first @ first) / first.size) + 1.0
+        # What counts as far off, and as nothing, in the unit of the residual.
+        self.size = max(self.size, math.sqrt(float(first @ first)))
+        self.wall = 10 * self.size or 1.0
         parameters = lmfit.Parameters()
         bounded = bool(np.isfinite(self.low).any() or np.isfinite(self.high).any())
         for i, (value, low, high) in enumerate(zip(start, self.low, self.high, strict=True)):
@@ -173,7 +175,7 @@ class Search:
             move = np.zeros(z.size)
             move[~held] = -np.linalg.lstsq(J[:, ~held], r, rcond=1e-13)[0]
             gain = float(np.linalg.norm(J @ move))
-            small = gain <= 1e-9 * float(np.linalg.norm(r)) / math.sqrt(r.size) + 1e-14
+            small = gain <= 1e-9 * float(np.linalg.norm(r)) / math.sqrt(r.size) + 1e-15 * self.size
             fraction = 1.0
             while fraction > 1e-4:
                 trial = np.clip(z + fraction * move, self.low, self.high)
@@ -187,7 +189,7 @@ class Search:
             if small:
                 break
         # The expected fall of chi2 against the noise of chi2: 1 % of a standard error is enough.
-        return z, r, J, gain <= 1e-2 * float(np.linalg.norm(r)) / math.sqrt(r.size) + 1e-12
+        return z, r, J, gain <= 1e-2 * float(np.linalg.norm(r)) / math.sqrt(r.size) + 1e-12 * self.size
 
     def held(self, z: np.ndarray, gradient: np.ndarray) -> np.ndarray:
         """Tell which coordinates sit on a bound that they want to pass."""

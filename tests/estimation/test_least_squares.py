@@ -36,7 +36,7 @@ def test_95_percent_intervals_cover_the_truth():
     for _ in range(200):
         y = noisy(rng)
         found = fit(lambda p, y=y: decay(p) - y, unknowns())
-        limits = [found.interval(name) for name in ("a", "tau", "b")]
+        limits = [entry.ci95 for entry in found.estimates()]
         hits += [low < truth < high for (low, high), truth in zip(limits, (2.0, 0.8, 0.5), strict=True)]
     assert np.all(hits >= 0.90 * 200)
     assert np.all(hits <= 0.99 * 200)
@@ -70,6 +70,8 @@ def test_optimum_on_a_bound_is_said_and_the_others_are_conditional_on_it():
     found = fit(lambda p: decay(p) - y, unknowns(b=Unknown("b", 0.7, low=0.6)))
     held = fit(lambda p: decay(p) - y, unknowns(b=Unknown("b", 0.6, fixed=True)))
     assert found.at_bound == ("b",)
+    assert not found.estimates()[2].determined
+    assert "bound, 0.6" in found.estimates()[2].reason
     assert np.isnan(found.std_error["b"])
     assert found.values["tau"] == pytest.approx(held.values["tau"], rel=1e-6)
     assert held.names == ("a", "tau")
@@ -80,6 +82,7 @@ def test_parameters_that_only_enter_as_a_sum_have_infinite_errors():
     y = 3.0 * x
     found = fit(lambda p: (p["k1"] + p["k2"]) * x + p["c"] - y, [Unknown(n, 1.0) for n in ("k1", "k2", "c")])
     assert found.std_error["k1"] == np.inf
+    assert [entry.determined for entry in found.estimates({"run": "r1"})] == [False, False, True]
     assert np.isfinite(found.std_error["c"])
     assert found.values["k1"] + found.values["k2"] == pytest.approx(3.0, rel=1e-9)
 
@@ -103,6 +106,15 @@ def test_a_rough_residual_is_followed_with_larger_differences():
         return np.round(decay(p), 6) - decay({"a": 2.0, "tau": 0.8, "b": 0.5})
 
     assert fit(rough, unknowns(), step=1e-3).values["tau"] == pytest.approx(0.8, rel=1e-4)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_the_unit_of_the_residual_does_not_matter(unit):
+    y = noisy(np.random.default_rng(6))
+    plain = fit(lambda p: decay(p) - y, unknowns())
+    scaled = fit(lambda p: unit * (decay(p) - y), unknowns())
+    np.testing.assert_allclose(list(scaled.values.values()), list(plain.values.values()), rtol=1e-9)
+    np.testing.assert_allclose(scaled.covariance.matrix, plain.covariance.matrix, rtol=1e-7)
 
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e12])
