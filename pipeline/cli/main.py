@@ -65,7 +65,7 @@ def check(logs: tuple[Path, ...], experiment: str | None, recipe: Path | None) -
     """Tell what logs hold and what is wrong with them.
 
     Shows channels, units, rates, conditions, gaps and quality; runs and writes nothing.
-    The exit status is 2 where a log cannot be read, else 0.
+    The exit status is 2 where a log cannot be read, 1 where something in one is an error, else 0.
     """
     from pipeline.cli import checking
 

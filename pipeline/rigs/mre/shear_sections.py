@@ -13,6 +13,7 @@ from pipeline.findings.figures import (
     Column,
     Figure,
     Line,
+    Mark,
     Matrix,
     Panel,
     Points,
@@ -88,10 +89,8 @@ def _loops(findings: Findings) -> list[Figure]:
         x, F, model = (_closed(curve[name].to_numpy()) for name in ("displacement", "force", "model"))
         marks: list[Mark] = [Points(cloud["displacement"].to_numpy(), cloud["force"].to_numpy(), "measured", "samples")]
         fitted = np.isfinite(model).any()
-        marks_drawn = (
-            [*marks, Line(x, model, "model", "model")] if fitted else [*marks, Line(x, F, "reference", "harmonics")]
-        )
-        panels.append(Panel(marks_drawn, DISPLACEMENT, FORCE, titles.get(run, run)))
+        marks.append(Line(x, model, "model", "model") if fitted else Line(x, F, "reference", "harmonics"))
+        panels.append(Panel(marks, DISPLACEMENT, FORCE, titles.get(run, run)))
         if fitted:
             rest.append(Panel([Line(x, F - model, "residual"), Rule(y=0.0)], DISPLACEMENT, FORCE, titles.get(run, run)))
     number = (

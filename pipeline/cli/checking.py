@@ -1,0 +1,133 @@
+"""`rigfit check`: what logs hold, and what is wrong with them, in words and one table."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pipeline.campaign import conditions, logs
+from pipeline.campaign.logs import RunFiles
+from pipeline.campaign.recipe import Recipe, load
+from pipeline.errors import InputError
+from pipeline.ingest.scan import RunScan, TableScan, scan_run
+from pipeline.rigs.registry import experiment as find_experiment
+
+if TYPE_CHECKING:
+    from pipeline.recording import QualityFinding
+
+_ORDER = {"error": 0, "warning": 1, "note": 2}
+
+
+def show(paths: Sequence[Path], experiment_id: str | None, recipe_path: Path | None) -> int:
+    """Print what the logs hold; return 0, 1 where something in a log is an error, 2 where one cannot be read."""
+    recipe = None
+    if recipe_path is not None:
+        recipe = load(recipe_path, experiment_id)
+    elif experiment_id is not None:
+        recipe = Recipe.default(find_experiment(experiment_id))
+    status = 0
+    for number, run in enumerate(logs.runs_of(logs.as_given(paths))):
+        if number:
+            click.echo()
+        try:
+            status = max(status, _show_run(run, recipe))
+        except InputError as error:
+            click.echo(f"rigfit: {' '.join(str(error).split())}", err=True)
+            status = 2
+    return status
+
+
+def _show_run(run: RunFiles, recipe: Recipe | None) -> int:
+    names = {stream: str(path) for stream, path in run.files}
+    specs = recipe.experiment.channels if recipe else ()
+    scan = scan_run(run.files, specs, recipe.channels if recipe else None, names)
+    for log in scan.logs:
+        about = ", ".join(f"{key} {value}" for key, value in log.details.items())
+        click.echo(f"{log.path}: {log.format}{f' ({about})' if about else ''}")
+    for table in scan.tables:
+        _show_table(table)
+    metadata = {key: value for log in scan.logs for key, value in log.metadata.items()}
+    if metadata:
+        click.echo("said by the log:")
+        for key, value in metadata.items():
+            click.echo(f"  {key}: {value}")
+    quality = list(scan.quality)
+    if recipe is not None:
+        quality += _by_experiment(run, recipe, scan, metadata)
+    return _show_quality(quality)
+
+
+def _show_table(table: TableScan) -> None:
+    summary = table.summary
+    name = f"table {table.table}: " if table.table else ""
+    if table.time is None:
+        click.echo(f"{name}{summary.n} rows, no usable time")
+    else:
+        source = f"time from '{table.time.channel}' [{table.time.unit}]" if table.time.channel else "time by counting"
+        rate = f", {summary.rate:.6g} Hz" if summary.rate == summary.rate else ""
+        click.echo(f"{name}{summary.n} rows{rate}, {summary.start:.6g} to {summary.end:.6g} s, {source}")
+    rows: list[tuple[str, ...]] = [("channel", "in the log", "unit", "taken as", "min", "mean", "max", "missing")]
+    for channel in summary.channels:
+        numbers = [
+            f"{value:.5g}" if value == value else "" for value in (channel.minimum, channel.mean, channel.maximum)
+        ]
+        rows.append(
+            (
+                f"{channel.name} *" if channel.name in table.mapped else channel.name,
+                channel.raw_name if channel.raw_name != channel.name else "",
+                channel.raw_unit or "?",
+                channel.unit or "text",
+                *numbers,
+                str(channel.missing) if channel.missing else "",
+            )
+        )
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    for row in rows:
+        left = [cell.ljust(width) for cell, width in zip(row[:4], widths[:4], strict=True)]
+        right = [cell.rjust(width) for cell, width in zip(row[4:], widths[4:], strict=True)]
+        click.echo(f"  {'  '.join([*left, *right])}".rstrip())
+    if table.mapped:
+        click.echo("  * as the experiment calls it")
+
+
+def _by_experiment(run: RunFiles, recipe: Recipe, scan: RunScan, metadata: dict[str, str]) -> list[QualityFinding]:
+    """Return what the experiment has to say: conditions, and its own physics where the channels are there."""
+    from pipeline.ingest.ingest import ingest_run
+    from pipeline.recording import QualityFinding
+    from pipeline.recording.storage import read
+
+    try:
+        given = conditions.of_run(run.run, recipe, None, metadata, run.files[0][1].name)
+    except InputError as error:
+        return [QualityFinding("error", str(error))]
+    if given.values:
+        click.echo("conditions:")
+        for name, value in given.values.items():
+            spec = recipe.experiment.condition(name)
+            unit = spec.unit if spec and spec.unit not in ("", "1") else ""
+            shown = f"{value:.6g} {unit}".strip() if isinstance(value, float) else str(value)
+            click.echo(f"  {name}: {shown} (from {given.sources[name]})")
+    found = list(given.notes)
+    if any(finding.level == "error" for finding in scan.quality):
+        return found
+    with tempfile.TemporaryDirectory() as folder:
+        paths = ingest_run(
+            run.run, run.files, recipe.experiment.channels, recipe.channels, given.values, given.sources, Path(folder)
+        )
+        found += recipe.experiment.check(read(paths))
+    return found
+
+
+def _show_quality(quality: Sequence[QualityFinding]) -> int:
+    if not quality:
+        click.echo("nothing wrong was found")
+        return 0
+    for finding in sorted(quality, key=lambda f: _ORDER[f.level]):
+        span = f" at {finding.span[0]:.6g} to {finding.span[1]:.6g} s" if finding.span else ""
+        channel = f" {finding.channel}" if finding.channel else ""
+        click.echo(f"{finding.level}{channel}{span}: {finding.message}")
+    return 1 if any(finding.level == "error" for finding in quality) else 0
