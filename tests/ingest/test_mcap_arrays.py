@@ -101,7 +101,7 @@ def test_a_missing_message_leaves_a_gap_and_does_not_stretch_its_neighbour(tmp_p
     rig = table(open_log(write_json(tmp_path / "a.mcap", {"/rig": messages}, chunk_size=500)))
     found = rows(rig)
     np.testing.assert_allclose(found["log_time"], found["force"] * 1e-3, rtol=0, atol=1e-9)
-    assert "1 blocks of samples are followed by a gap" in messages_of(rig.notes())
+    assert "1 block of samples followed by a gap" in messages_of(rig.notes())
 
 
 def test_a_short_list_is_filled_up_with_nan_and_told(tmp_path):
@@ -111,7 +111,7 @@ def test_a_short_list_is_filled_up_with_nan_and_told(tmp_path):
     rig, found = read(tmp_path, messages)
     assert found["force"].size == 300
     assert np.flatnonzero(np.isnan(found["current"])).tolist() == [36, 37, 38, 39, *range(50, 60)]
-    assert "1 lists are shorter than others of their message" in messages_of(rig.notes())
+    assert "1 list shorter than others of the same message" in messages_of(rig.notes())
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), (None, 1e3)])
@@ -135,6 +135,7 @@ def test_times_in_the_message_that_start_anew_count_from_its_stamp(tmp_path):
     _, found = read(tmp_path, [{"time": offsets, "force": [1, 2, 3, 4]} for _ in range(5)], step=5 * MS)
     expected = [(5 * i + o) * 1e-3 for i in range(5) for o in offsets]
     np.testing.assert_allclose(found["log_time"], expected, rtol=0, atol=1e-9)
+    assert "time" not in found
 
 
 def test_one_message_alone_needs_a_rate_or_times(tmp_path):
@@ -143,8 +144,9 @@ def test_one_message_alone_needs_a_rate_or_times(tmp_path):
     _, found = read(tmp_path, [{"force": list(range(50)), "time": (np.arange(50) * 0.25).tolist()}])
     np.testing.assert_allclose(found["log_time"], np.arange(50) * 0.25)
     rig, found = read(tmp_path, [{"force": list(range(50))}])
-    assert np.isnan(found["log_time"][1:]).all()
-    assert "nothing tells their rate" in messages_of(rig.notes())
+    assert rig.time_channel is None
+    assert list(found) == ["force"]
+    assert "nothing in it tells their rate" in messages_of(rig.notes())
 
 
 def test_empty_blocks_give_no_rows(tmp_path):

@@ -255,7 +255,7 @@ def test_a_chunk_whose_content_ends_within_a_record_is_read_in_part(tmp_path):
 
 def test_messages_of_an_undefined_channel_are_refused(tmp_path):
     content = record(5, struct.pack("<HIQQ", 9, 0, EPOCH, EPOCH) + b"{}")
-    with pytest.raises(InputError, match="1 messages belong to channels that the file does not define"):
+    with pytest.raises(InputError, match="1 message, but of no channel that the file defines"):
         hostile(tmp_path, chunk(content, len(content), ""))
 
 

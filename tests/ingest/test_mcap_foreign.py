@@ -299,7 +299,7 @@ def test_short_or_lying_ros_messages_are_left_out_and_counted(tmp_path):
     path = write_cdr(tmp_path / "a.mcap", ("p/msg/A", "ros2msg", definition), [good, b"", good[:9], lying, good])
     rig = table(open_log(path))
     assert rows(rig)["force"].tolist() == [5.0, 5.0]
-    assert "3 of 5 messages are malformed" in messages_of(rig.notes())
+    assert "3 of 5 messages malformed" in messages_of(rig.notes())
 
 
 @pytest.mark.parametrize(
@@ -399,7 +399,7 @@ def test_damaged_protobuf_messages_and_descriptions(tmp_path):
 
     rig = table(open_log(write("a.mcap", description)))
     assert rows(rig)["state"].tolist() == ["a", "a"]
-    assert "1 of 3 messages are malformed" in messages_of(rig.notes())
+    assert "1 of 3 messages malformed" in messages_of(rig.notes())
     for damaged in (b"\xff\xff\xff", description[:40], b""):
         with pytest.raises(InputError, match="Protobuf description is damaged"):
             open_log(write("b.mcap", damaged))

@@ -124,7 +124,7 @@ def test_malformed_messages_are_left_out_and_counted(tmp_path):
     read = rows(rig)
     assert read["force"].size == 27
     assert 0.004 not in read["log_time"]
-    assert "3 of 30 messages are malformed and were left out, the first at 0.004 s" in messages_of(rig.notes())
+    assert "3 of 30 messages malformed and left out, the first at 0.004 s" in messages_of(rig.notes())
 
 
 def test_payloads_that_only_together_make_sense_are_not_mixed_up(tmp_path):
@@ -217,7 +217,7 @@ def test_messages_out_of_order_keep_the_order_of_the_file_and_are_told(tmp_path)
     read = rows(rig)
     assert read["log_time"][3] == pytest.approx(0.006)
     assert read["displacement"][3] == pytest.approx(0.006)
-    assert "stand after later ones" in messages_of(rig.notes())
+    assert "logged after a later one" in messages_of(rig.notes())
 
 
 def test_stamps_that_are_all_the_same_are_no_time(tmp_path):

@@ -28,8 +28,6 @@ _SHORTEST_SIGNAL = 8
 _TIMES = re.compile(
     r"^(t|time|times|tout|tsim|t_?(s|sec|ms)|time_?(s|sec|ms|stamp|vector)|timestamps?|zeit|temps|tiempo)$"
 )
-_STEPS = {"ts", "dt", "t_s", "deltat", "sampletime", "tsample"}
-_RATES = {"fs", "f_s", "samplerate", "fsample", "samplingrate", "samplingfrequency"}
 
 
 @dataclass
@@ -45,31 +43,19 @@ class _Contents:
 class MatlabTable(RawTable):
     """Vectors of one length; `columns` keep the numbers as the file has them."""
 
-    def __init__(self, name: str, columns: Mapping[str, np.ndarray], time: str | None, step: float | None) -> None:
+    def __init__(self, name: str, columns: Mapping[str, np.ndarray], time: str | None) -> None:
         self.name = name
-        self._columns = dict(columns)
+        self._columns = columns
         self.channels = [RawChannel(column) for column in columns]
         self.time_channel = time
-        self._step = step
-        if step is not None:
-            self.time_channel = "time" if "time" not in columns else "row_time"
-            self.channels.insert(0, RawChannel(self.time_channel, "s"))
-            self._columns[self.time_channel] = np.arange(next(iter(columns.values())).size) * step
 
     def blocks(self, names: Sequence[str] | None = None) -> Iterator[dict[str, np.ndarray]]:
         """Yield the rows; see `RawTable.blocks`."""
-        wanted = [channel.name for channel in self.channels if names is None or channel.name in names]
+        wanted = [name for name in self._columns if names is None or name in names]
         rows = next(iter(self._columns.values())).size
         for start in range(0, rows if wanted else 0, BLOCK_ROWS):
             cut = slice(start, start + BLOCK_ROWS)
             yield {name: self._columns[name][cut].astype(np.float64) for name in wanted}
-
-    def notes(self) -> Sequence[QualityFinding]:
-        """Return what was noticed; see `RawTable.notes`."""
-        if self._step is None:
-            return ()
-        text = f"no vector tells the time; '{self.time_channel}' counts the rows in steps of {self._step:.9g} s."
-        return [QualityFinding("note", text)]
 
 
 class MatlabReader(Reader):
@@ -221,11 +207,9 @@ def _tables(contents: _Contents) -> list[MatlabTable]:
     tables: dict[str, MatlabTable] = {}
     for (length, scope), columns in groups.items():
         time = next((name for name in columns if name in clocks and _scope(name) == scope), None)
-        has_time = time is not None or any(_is_called_time(column) for column in columns)
-        step = None if has_time else _step(contents.metadata, scope)
         name = "" if len(groups) == 1 else scope.rstrip(".") or time or f"{length} rows"
         name = name if name not in tables else f"{name} {length}"
-        tables[name] = MatlabTable(name, columns, time, step)
+        tables[name] = MatlabTable(name, columns, time)
     return list(tables.values())
 
 
@@ -242,21 +226,6 @@ def _rises(vector: np.ndarray) -> bool:
     """Tell whether a vector mostly rises: a few repeated or backward stamps do not make it less of a time."""
     steps = np.diff(vector.astype(np.float64))
     return bool(steps.size) and bool(np.count_nonzero(steps > 0) >= 0.9 * steps.size)
-
-
-def _step(metadata: Mapping[str, str], scope: str) -> float | None:
-    """Return the step (s) from a scalar such as Ts, dt or fs in the struct or beside it."""
-    for name, text in metadata.items():
-        word = name[name.rfind(".") + 1 :].lower()
-        if _scope(name) not in (scope, "") or word not in _STEPS | _RATES:
-            continue
-        try:
-            value = float(text)
-        except ValueError:
-            continue
-        if value > 0 and np.isfinite(value):
-            return 1.0 / value if word in _RATES else value
-    return None
 
 
 READER = MatlabReader()

@@ -69,6 +69,12 @@ def sampled(lists: Sequence[Lists], fixed: Mapping[Path, int]) -> tuple[set[Path
     return {field.path for field in undecided if _share_length(field, leader)}, None
 
 
+def start_anew(times: Lists) -> bool:
+    """Tell whether lists of times start anew in each message, so that they are no time of the run."""
+    starts = (np.cumsum(times.lengths) - times.lengths)[times.lengths > 0]
+    return bool(np.any(times.values[starts[1:]] <= times.values[starts[1:] - 1]))
+
+
 def declares_rate(path: Path) -> bool:
     """Tell whether a scalar of this name beside blocks is the samples' rate."""
     return _word(path) in _RATES

@@ -83,6 +83,8 @@ def plan(samples: Sequence[tuple[int, Columns]], fixed: Mapping[Path, int]) -> P
                 fields.append(Field(channel_name(path[:-1]) if path[:-1] else "stamp", stamps[path]))
         elif path in scalars:
             fields.append(Field(name, (path,), scalars[path]))
+        elif path == times and len(in_blocks) > 1 and arrays.start_anew(lists[path]):
+            continue  # the rows' times hold all that these say
         elif path in in_blocks:
             fields.append(Field(name, (path,), lists[path].is_text, is_sample=True))
         elif path in lists:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import InputError, listing
+from pipeline.errors import InputError, counted, listing
 from pipeline.ingest.mcap_log import records
 from pipeline.ingest.mcap_log.batches import Messages
 from pipeline.ingest.mcap_log.declared import is_unit_key
@@ -59,7 +59,9 @@ class McapReader(Reader):
         readable = [topic for topic in topics if topic.samples and topic.problem is None]
         plans = {topic.name: plan(topic.samples, topic.declared.lengths) for topic in readable}
         notes = tuple(_notes(layout, messages, topics, plans, zero))
-        tables = [TopicTable(messages, topic, plans[topic.name], zero, _clock(topic)) for topic in readable]
+        tables = [
+            TopicTable(messages, topic, plans[topic.name], zero, _clock(topic, plans[topic.name])) for topic in readable
+        ]
         for table in tables:
             table.absolute_start = _iso(zero) if zero > _EPOCH else None
         for topic in topics:
@@ -76,7 +78,7 @@ def _refuse_if_empty(layout: Layout, messages: Messages, topics: Sequence[Topic]
     if not with_messages:
         unknown = _messages_without_channel(messages) if messages.portions else 0
         if unknown:
-            raise InputError(f"{path}: its {unknown} messages belong to channels that the file does not define.")
+            raise InputError(f"{path}: {counted(unknown, 'message')}, but of no channel that the file defines.")
         if what:
             raise InputError(
                 f"{path}: nothing could be read of this MCAP file: {'; '.join(what[:3])}. It is damaged or was cut "
@@ -103,13 +105,15 @@ def _second_zero(topics: Sequence[Topic]) -> int:
     return int((dated if dated.size else times).min())
 
 
-def _clock(topic: Topic) -> str:
-    """Return the stamp that tells the messages apart: log, else publish, else none ('')."""
+def _clock(topic: Topic, fields: Plan) -> str | None:
+    """Return the stamp that tells the rows apart: log, else publish, None for neither."""
+    if topic.found == 1 and fields.has_blocks and fields.times is None and fields.step is None:
+        return None
     for clock, which in (("log", 0), ("publish", 1)):
         times = np.concatenate([stamps[which] for stamps in topic.stamps])
         if times.size < 2 or (times != times[0]).any():
             return clock
-    return ""
+    return None
 
 
 def _iso(nanoseconds: int) -> str:
@@ -153,7 +157,7 @@ def _details(layout: Layout, topics: Sequence[Topic], plans: Mapping[str, Plan])
     for topic in topics:
         schema = f"{topic.schema.encoding or 'schema'} {topic.schema.name}".strip() if topic.schema else "no schema"
         count = _count(layout, topic)
-        told = [f"{topic.encoding} ({schema})", f"{count} messages" if count is not None else ""]
+        told = [f"{topic.encoding} ({schema})", counted(count, "message") if count is not None else ""]
         told += plans[topic.name].remarks if topic.name in plans else ()
         details[f"topic {topic.name}"] = "; ".join(part for part in told if part)
     if layout.metadata:

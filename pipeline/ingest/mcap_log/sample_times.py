@@ -15,13 +15,11 @@ _FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 class SampleClock:
     """Gives each sample its time; keeps what must be known from one batch to the next.
 
-    `gaps` counts the messages after which samples are missing, `single` tells that one message alone
-    gave no step.
+    `gaps` counts the messages after which samples are missing.
     """
 
     def __init__(self, carried_unit: str | None = None) -> None:
         self.gaps = 0
-        self.single = False
         self._unit = carried_unit
         self._step: float | None = None
         self._origin: tuple[float, float] | None = None
@@ -44,8 +42,7 @@ class SampleClock:
         usual = float(np.median(steps[usable])) if usable.any() else self._step
         usual = declared if usual is None else usual
         if usual is None:
-            self.single = bool(counts.max(initial=0) > 1)
-            usual = np.nan if self.single else 0.0
+            usual = np.nan if counts.max(initial=0) > 1 else 0.0
         late = usable & (steps > _GAP * usual)
         self.gaps += int(np.count_nonzero(late))
         usable &= ~late

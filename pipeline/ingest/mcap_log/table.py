@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pipeline.errors import counted
 from pipeline.ingest.mcap_log import columns as cols
 from pipeline.ingest.mcap_log.batches import Messages
 from pipeline.ingest.mcap_log.columns import Columns, Path, TooManyFieldsError
@@ -36,10 +37,11 @@ class _Tally:
 class TopicTable(RawTable):
     """The messages of one topic: a row a message, or a row a sample where messages hold blocks.
 
-    `zero` (ns) is second zero of the log; `clock` names the stamp that is used, ``log`` or ``publish``.
+    `zero` (ns) is second zero of the log. `clock` names the stamp that is used, ``log`` or ``publish``;
+    None where neither tells the rows' times, then the table has no time of its own.
     """
 
-    def __init__(self, messages: Messages, topic: Topic, plan: Plan, zero: int, clock: str) -> None:
+    def __init__(self, messages: Messages, topic: Topic, plan: Plan, zero: int, clock: str | None) -> None:
         self.name = topic.name
         self._messages = messages
         self._topic = topic
@@ -48,12 +50,12 @@ class TopicTable(RawTable):
         self._clock = clock
         taken = {field.name for field in plan.fields}
         self._time = next(name for name in ("log_time", "mcap.log_time", "mcap..log_time") if name not in taken)
+        self.time_channel = self._time if clock else None
         self.channels = (
-            RawChannel(self._time, "s"),
+            *([RawChannel(self._time, "s")] if clock else []),
             *(RawChannel(field.name, topic.declared.unit(field), field.is_text) for field in plan.fields),
         )
-        self.time_channel = self._time if clock else None
-        self._known = {path for field in plan.fields for path in field.paths}
+        self._known = {path for field in plan.fields for path in field.paths} | {plan.times or ()}
         self._ignored: set[str] = {part.split(" (")[0] for part in plan.left_out}
         self._tally = _Tally()
         self._sample_clock = SampleClock()
@@ -62,10 +64,11 @@ class TopicTable(RawTable):
     def blocks(self, names: Sequence[str] | None = None) -> Iterator[Rows]:
         """Yield the rows in file order; see `RawTable.blocks`."""
         self._tally = _Tally()
-        unit = next((self._topic.declared.unit(f) for f in self._plan.fields if f.paths[0] == self._plan.times), None)
+        times = self._plan.times
+        unit = self._topic.declared.unit(Field("", (times,))) if times is not None else None
         self._sample_clock = SampleClock(unit)
         fields = [field for field in self._plan.fields if names is None or field.name in names]
-        with_time = names is None or self._time in names
+        with_time = self._clock is not None and (names is None or self._time in names)
         yield from _in_blocks(self._rows(fields, with_time, self._wanted(fields) if names is not None else None))
 
     def _wanted(self, fields: Sequence[Field]) -> set[Path]:
@@ -182,39 +185,31 @@ class TopicTable(RawTable):
         return [*told, *loss_notes(self._messages, self._zero, self._told_before)]
 
     def _told(self) -> Iterator[tuple[Level, str]]:
-        tally, clock = self._tally, self._sample_clock
+        tally = self._tally
         if tally.malformed:
-            first = f"the first at {tally.first_malformed:.6g} s" if tally.first_malformed is not None else ""
-            yield (
-                "warning",
-                f"{tally.malformed} of {tally.messages + tally.malformed} messages are malformed and were "
-                f"left out, {first}.",
-            )
+            told = counted(tally.messages + tally.malformed, "message")
+            first = f"{tally.first_malformed:.6g} s" if tally.first_malformed is not None else "the start"
+            yield "warning", f"{tally.malformed} of {told} malformed and left out, the first at {first}."
         for name, count in tally.misfits.items():
-            yield "warning", f"'{name}' is a number in most messages but not in {count} values; those became NaN."
+            told = counted(count, "value")
+            yield "warning", f"'{name}' is a number in most messages but not in {told}, which became NaN."
         for name, time in tally.unknown.items():
-            yield (
-                "warning",
-                f"the field '{name}' turned up at about {time:.6g} s only, was in none of the messages "
-                "looked at before, and was left out.",
-            )
+            told = f"the field '{name}' turned up at about {time:.6g} s only"
+            yield "warning", f"{told}, was in none of the messages looked at before, and was left out."
         if tally.too_wide is not None:
             yield "warning", f"messages from {tally.too_wide:.6g} s on have thousands of fields and were left out."
         if tally.ragged:
-            yield "warning", f"{tally.ragged} lists are shorter than others of their message; NaN fills them up."
+            told = counted(tally.ragged, "list")
+            yield "warning", f"{told} shorter than others of the same message, filled up with NaN."
         if tally.backward:
-            yield "note", f"{tally.backward} messages stand after later ones; the rows are in the order of the file."
-        if clock.gaps:
-            yield (
-                "note",
-                f"{clock.gaps} blocks of samples are followed by a gap; their step was taken from the block before.",
-            )
-        if clock.single:
-            yield (
-                "warning",
-                "one message alone holds a block of samples, so nothing tells their rate; their times are NaN.",
-            )
-        if not self._clock:
+            told = counted(tally.backward, "message")
+            yield "note", f"{told} logged after a later one; the rows are in the order of the file."
+        if self._sample_clock.gaps:
+            told = counted(self._sample_clock.gaps, "block")
+            yield "note", f"{told} of samples followed by a gap, timed with the step of the block before."
+        if self._clock is None and self._plan.has_blocks and tally.messages == 1:
+            yield "note", "one message alone holds a block of samples, and nothing in it tells their rate."
+        elif self._clock is None:
             yield "note", "all messages bear the same time stamp, so it cannot serve as the time."
 
 
