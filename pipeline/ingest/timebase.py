@@ -28,7 +28,7 @@ _NAMES = (
     "testzeit", "prüfzeit", "messzeit", "laufzeit", "seconds", "secs", "sec", "sekunden", "millis", "micros",
     "milliseconds", "microseconds", "nanoseconds", "uptime", "clock", "datetime", "date_time", "x_value",
 )  # fmt: skip
-_UNIT_SUFFIX = re.compile(r"[_.]?\(?(s|sec|secs|seconds|ms|msec|us|usec|µs|ns|nsec|min|h)\)?$")
+_UNIT_SUFFIX = re.compile(r"(?:[_.]\(?|\()(s|sec|secs|seconds|ms|msec|us|usec|µs|μs|ns|nsec|min|h)\)?$")
 _UNIT_OF_NAME = {"millis": "ms", "milliseconds": "ms", "micros": "us", "microseconds": "us", "nanoseconds": "ns"}
 _SECONDS = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "second": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6,

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.ingest.mapping import SelectedChannel, Source
+from pipeline.ingest.mapping import ChannelMap, SelectedChannel, Source, resolve
 from pipeline.ingest.quality import StreamQuality
 from pipeline.ingest.reader import RawChannel, RawLog, RawTable
+from pipeline.ingest.stream import StreamInSI
+from pipeline.ingest.timebase import align, find_times
 from pipeline.recording import QualityFinding
 
 
@@ -92,3 +94,42 @@ def found(
     required: bool = False,
 ) -> list[QualityFinding]:
     return judged(values, rate, time, block, required=required).findings()
+
+
+class Collected:
+    """A sink that keeps what it is given."""
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        self._times: list[np.ndarray] = []
+        self._blocks: list[Mapping[str, np.ndarray]] = []
+
+    def add(self, time: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
+        self._times.append(time)
+        self._blocks.append(columns)
+
+    @property
+    def time(self) -> np.ndarray:
+        return np.concatenate(self._times)
+
+    def values(self, name: str) -> np.ndarray:
+        return np.concatenate([block[name] for block in self._blocks])
+
+
+def streamed(
+    *tables: MemoryTable,
+    specs: Sequence[Spec],
+    time: ChannelMap | None = None,
+    metadata: Mapping[str, str] | None = None,
+) -> tuple[list[StreamInSI], list[Collected]]:
+    """Take tables of one run to SI, as ingest does."""
+    selections = resolve(sources_of(*tables, metadata=metadata), specs, {})
+    times = find_times([selection.source for selection in selections], time)
+    streams = [StreamInSI(selection, source) for selection, source in zip(selections, times, strict=True)]
+    align([stream.clock for stream in streams])
+    sinks = [Collected() for _ in streams]
+    for stream, sink in zip(streams, sinks, strict=True):
+        stream.pass_to(sink)
+    return streams, sinks
