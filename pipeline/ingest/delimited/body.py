@@ -53,7 +53,7 @@ def find_body(lines: Sequence[Line], dialect: Dialect, width: int, where: str) -
         row for row in rows[start:] if row is not None and len(row) == width and not _is_heading(row, measured)
     )
     filled = {k for k in range(width) if any(not is_missing(row[k]) for row in table)}
-    has_row_numbers = len(table) > 1 and _is_counting([row[0] for row in table])
+    has_row_numbers = len(table) > 1 and is_counting([row[0] for row in table])
     above = _Above(lines[:start], rows[:start], dialect, width, filled, measured, has_row_numbers)
     names, units = above.names_and_units(where)
     return Body(
@@ -106,10 +106,19 @@ def _start(rows: Sequence[Row | None], width: int, measured: Sequence[int]) -> i
         elif _is_heading(row, measured) and tables[-1]:
             tables.append([])
     longest = max(len(table) for table in tables)
-    return next(table[0] for table in tables if len(table) >= max(1, min(3, longest), _SMALL_TABLE * longest))
+    start = next(table[0] for table in tables if len(table) >= max(1, min(3, longest), _SMALL_TABLE * longest))
+    while (
+        start and (row := rows[start - 1]) is not None and len(row) > 1 and len(row) != width and _is_mostly_values(row)
+    ):
+        start -= 1  # a row of numbers of another width: to be counted, not to be taken for a header
+    return start
 
 
-def _is_counting(cells: Sequence[str]) -> bool:
+def _is_mostly_values(row: Row) -> bool:
+    return sum(map(is_value, row)) > 0.5 * len(row)
+
+
+def is_counting(cells: Sequence[str]) -> bool:
     """Tell whether cells are whole numbers that go up by one."""
     if not all(cell.isdigit() and cell.isascii() for cell in cells):
         return False
@@ -166,6 +175,8 @@ class _Above:
                 return None
         for cells in self._splits(text if comment is None else comment):
             cells = self._without_surplus(cells)
+            if self.dialect.has_arrow and is_value(cells[0]):
+                cells = ["time", *cells[1:]]
             if len(cells) == self.width and self._is_header(cells):
                 return cells
         return None
@@ -199,7 +210,7 @@ class _Above:
         """Tell names from a damaged first row and from ``Test speed;10;mm/min``: of numbers, only counts 1, 2, 3."""
         measured = [cells[k] for k in self.measured if cells[k]]
         values = [cell for cell in measured if is_value(cell)]
-        counted = len(values) > 1 and all(cell.isdigit() for cell in values) and _is_counting(values)
+        counted = len(values) > 1 and all(cell.isdigit() for cell in values) and is_counting(values)
         return len(values) < len(measured) and (not values or counted)
 
     def _is_units_row(self, cells: Row) -> bool:
@@ -213,9 +224,12 @@ class _Above:
     def _refuse_misfit(self, index: int, where: str) -> None:
         """Refuse a header whose names cannot be told to columns; entries such as ``Operator;Smith`` are none."""
         cells = [cell for cell in self.dialect.split(self.lines[index].text) if cell]
-        if len(cells) < 2 or any(is_value(cell) for cell in cells) or (len(cells) <= 3 and self.width > len(cells) + 1):
+        if len(cells) < 2 or any(is_value(cell) for cell in cells):
             return
-        if self.dialect.delimiter == "," and self.width == 2 * len(cells):
+        has_decimal_commas = self.dialect.delimiter == "," and self.width == 2 * len(cells)
+        if len(cells) <= 3 and self.width > len(cells) + 1 and not has_decimal_commas:
+            return
+        if has_decimal_commas:
             why = "The numbers seem to have decimal commas: write them with points, or part the columns by semicolons."
         else:
             why = "Which name belongs to which column is unclear: give every column one name, parted like the numbers."

@@ -20,7 +20,7 @@ from pipeline.ingest.delimited.stamps import (
     stamp_format,
 )
 
-Kind = Literal["number", "text", "stamp", "empty"]
+Kind = Literal["number", "text", "stamp", "regular", "empty"]
 _FORMAT_SAMPLE = 200
 FIRST_ROWS = 60  # as far as entries beside the table go
 _FEW_ROWS = 4
@@ -54,7 +54,7 @@ class Stamp:
     has_zone: bool
 
 
-def named_columns(body: Body, lvm_units: Sequence[str | None]) -> list[Column]:
+def named_columns(body: Body, labview_units: Sequence[str | None]) -> list[Column]:
     """Return every column with its name, unit and kind; a nameless one is called after its place."""
     texts = list(body.names or [""] * body.width)
     split = names_and_units(texts)
@@ -62,8 +62,8 @@ def named_columns(body: Body, lvm_units: Sequence[str | None]) -> list[Column]:
     for k in range(body.width):
         name, unit = split[k]
         row_unit = unit_in_row(body.units[k]) if body.units else None
-        if row_unit is None and k < len(lvm_units):
-            row_unit = lvm_units[k]
+        if row_unit is None and k < len(labview_units):
+            row_unit = labview_units[k]
         columns.append(
             Column(k, name or f"column_{k + 1}", row_unit or unit, _kind([row[k] for row in body.rows]), texts[k])
         )

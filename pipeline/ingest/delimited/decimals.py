@@ -1,4 +1,4 @@
-"""Decimal digits -> the nearest double, compiled: what `quick` calls for every number.
+"""Decimal digits -> the nearest double, compiled: for numbers of many digits, which no single division rounds rightly.
 
 A product of 128 bits with a table of powers of five (Lemire, "Number parsing at a gigabyte per second", Software:
 Practice and Experience 51, 2021; that no case needs more bits: Mushtak and Lemire, "Fast number parsing without
@@ -11,7 +11,9 @@ import numba
 import numpy as np
 
 MOST_DIGITS = 19  # fit into 64 bits
-LARGEST_POWER = 80  # beyond it the caller asks Python
+LARGEST_POWER = 80  # beyond it Python must tell
+_MOST_TWOS = 400  # 10^80 is below 2^266, and 64 bits of digits
+_TWOS = np.array([2.0**power for power in range(-_MOST_TWOS, _MOST_TWOS + 1)])
 
 
 def _five_to(power: int) -> int:
@@ -53,8 +55,8 @@ def _leading_zeros(w):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(nogil=True, cache=True)
-def nearest_bits(w, power):  # type: ignore[no-untyped-def]
-    """Return the bits of the double nearest to w * 10^power, or all ones where Python must tell.
+def nearest(w, power):  # type: ignore[no-untyped-def]
+    """Return the double nearest to w * 10^power.
 
     Parameters
     ----------
@@ -75,14 +77,9 @@ def nearest_bits(w, power):  # type: ignore[no-untyped-def]
     upper = np.int64(high >> np.uint64(63))
     shift = np.uint64(upper + 9)
     mantissa = high >> shift
-    exponent = ((217706 * power) >> 16) + 63 + upper - zeros + 1023
-    if exponent <= 0 or exponent >= 2046:
-        return np.uint64(0xFFFFFFFFFFFFFFFF)
+    exponent = ((217706 * power) >> 16) + 63 + upper - zeros  # of two, for a mantissa between 1 and 2
     is_half = low <= np.uint64(1) and -4 <= power <= 23 and mantissa & np.uint64(3) == np.uint64(1)
     if is_half and mantissa << shift == high:
         mantissa = mantissa & ~np.uint64(1)
     mantissa = (mantissa + (mantissa & np.uint64(1))) >> np.uint64(1)
-    if mantissa >= np.uint64(1 << 53):
-        mantissa = np.uint64(1 << 52)
-        exponent += 1
-    return (mantissa & np.uint64((1 << 52) - 1)) | (np.uint64(exponent) << np.uint64(52))
+    return np.float64(mantissa) * _TWOS[exponent - 52 + _MOST_TWOS]

@@ -19,13 +19,15 @@ from pipeline.ingest.delimited.stamps import looks_like_stamp
 MAX_COLUMNS = 10_000
 BLANKS = " "  # as a delimiter: runs of spaces and tabs
 ONE_COLUMN = ""
-_DELIMITERS = ("\t", ";", "|", ",", BLANKS, ONE_COLUMN)  # of equally good ones the first wins
+_DELIMITERS = ("\t", ";", "|", ",", BLANKS)  # of equally good ones the first wins
 _NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma", BLANKS: "runs of blanks", ONE_COLUMN: "none"}
 _COMMENT_MARKS = ("#", "%", "//", ";", "*", "!")
 _ARROW = " -> "
 _STAMPED_LINE = re.compile(r"\d\d:\d\d:\d\d(\.\d+)? -> ")
 _TOKEN = re.compile(r'"[^"]*"|\S+')
 _SAMPLE_LINES = 200
+_FEW_LINES = 8
+_CLEARLY, _HALF = 1.2, 0.5
 
 
 @dataclass(frozen=True)
@@ -97,13 +99,16 @@ def detect(lines: Sequence[str], where: str) -> Fit:
     told = _told(lines)
     arrow = sum(bool(_STAMPED_LINE.match(line)) for line in lines) > len(lines) / 2
     sample = list(_sample([line.split(_ARROW, 1)[-1] for line in lines] if arrow else lines))
-    best: Fit | None = None
+    best = Fit(Dialect(ONE_COLUMN), 0, 0, 0.0)
     for delimiter in (told,) if told is not None else _DELIMITERS:
         fit = _fit(Dialect(delimiter), sample, where)
-        needed = 1.01 if best and not (delimiter == ONE_COLUMN and _is_one_column(best, sample)) else 0.99
-        if best is None or fit.score > best.score * needed:
+        # Blanks also stand within cells and part preambles: they must explain clearly more than another delimiter.
+        if fit.width > 1 and fit.score > best.score * (_CLEARLY if delimiter == BLANKS else 1.0):
             best = fit
-    if best is None or best.rows == 0:
+    one = _fit(Dialect(ONE_COLUMN), sample, where)
+    if _is_one_column(one, best, lines):
+        best = one
+    if best.rows < 2 and best.score < _HALF:
         raise InputError(
             f"{where}: holds no rows of numbers. Expected is a table: names, perhaps units, then one row a sample."
         )
@@ -123,8 +128,9 @@ def _told(lines: Sequence[str]) -> str | None:
 
 
 def _sample(lines: Sequence[str]) -> Iterator[str]:
-    """Yield up to `_SAMPLE_LINES` filled lines, from everywhere."""
+    """Yield up to `_SAMPLE_LINES` filled lines from the later half, where no preamble is left."""
     filled = [line for line in lines if line.strip()]
+    filled = filled[min(len(filled) // 2, max(0, len(filled) - _FEW_LINES)) :]
     step = max(1, len(filled) // _SAMPLE_LINES)
     yield from filled[len(filled) % step :: step]
 
@@ -159,9 +165,10 @@ def _share_of_numbers(cells: Sequence[str]) -> float:
     return good / len(filled) if filled else 0.0
 
 
-def _is_one_column(comma: Fit, sample: Sequence[str]) -> bool:
-    """Tell whether rows like ``1,25`` are one column with decimal commas: its header has one name."""
-    if comma.dialect.delimiter != "," or comma.width != 2:
-        return False
-    heads = [cells for line in sample if not _share_of_numbers(cells := comma.dialect.split(line))]
-    return bool(heads) and len(heads[-1]) == 1
+def _is_one_column(one: Fit, best: Fit, lines: Sequence[str]) -> bool:
+    """Tell whether the lines hold one number each; ``1,25`` does where the header has one name only."""
+    if best.dialect.delimiter == "," and best.width == 2 and best.score > _HALF * one.score:
+        head = [line for line in lines[:_SAMPLE_LINES] if line.strip() and best.dialect.comment(line) is None]
+        names = [cells for line in head if not _share_of_numbers(cells := best.dialect.split(line))]
+        return one.score > best.score * 0.99 and bool(names) and len(names[-1]) == 1
+    return one.score > best.score * _CLEARLY

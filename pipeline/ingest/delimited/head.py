@@ -12,9 +12,9 @@ from pathlib import Path
 from pipeline.errors import InputError
 from pipeline.ingest.delimited.encoding import Encoding, detect
 
-FIRST_LOOK = 1 << 18
+FIRST_LOOK, LONG_LOOK = 1 << 16, 1 << 20
 LONGEST_LINE = 1 << 22
-_FEW_LINES = 8
+_FEW_LINES = 16
 _MOST_JOINED = 5
 
 
@@ -37,15 +37,15 @@ class Head:
     is_whole: bool
 
 
-def read_head(path: Path) -> Head:
-    """Read the first lines of a text file.
+def read_head(path: Path, look: int = FIRST_LOOK) -> Head:
+    """Read the first lines of a text file, about `look` bytes.
 
     Raises
     ------
     InputError
         If there is no such file, it is empty or no text, or a line is longer than `LONGEST_LINE` bytes.
     """
-    data, is_whole = _bytes(path)
+    data, is_whole = _bytes(path, look)
     if not data.strip(b" \t\r\n\0\xef\xbb\xbf\xff\xfe"):
         what = "is empty" if not data else "holds nothing but blanks, line ends or zero bytes"
         raise InputError(f"{path}: {what}. Expected is a table of numbers; was the recording written to its end?")
@@ -70,18 +70,17 @@ def read_head(path: Path) -> Head:
     return Head(encoding, line_end, _joined([part.rstrip("\r\x1a") for part in parts]), is_whole)
 
 
-def _bytes(path: Path) -> tuple[bytes, bool]:
+def _bytes(path: Path, look: int) -> tuple[bytes, bool]:
     """Return the first bytes and whether they are the whole file; more of them where lines are long."""
     if path.is_dir():
         raise InputError(f"{path}: is a folder; expected is a file.")
     try:
         with path.open("rb") as file:
-            data = file.read(FIRST_LOOK)
-            is_whole = len(data) < FIRST_LOOK
-            if not is_whole and max(data.count(b"\n"), data.count(b"\r")) < _FEW_LINES:
-                data += file.read(LONGEST_LINE - FIRST_LOOK)
-                is_whole = len(data) < LONGEST_LINE
-            return data, is_whole
+            data = file.read(look)
+            while len(data) >= look and max(data.count(b"\n"), data.count(b"\r")) < _FEW_LINES and look < LONGEST_LINE:
+                data += file.read(look)
+                look *= 2
+            return data, len(data) < look
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
 

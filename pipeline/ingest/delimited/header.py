@@ -40,6 +40,7 @@ _MEASURED_IN = {
 }
 _TIME_WORD = re.compile(r"(?i).*(time|zeit|temps|tempo|dauer|duration)|t")
 _LONGEST_UNIT = 16
+_NO_UNITS = {"sequence", "index", "text", "string"}
 _UNIT_LETTERS = set("sNmVAKgCWJh%°-")
 
 
@@ -124,6 +125,8 @@ def unit_in_row(cell: str) -> str | None:
     text = cell.strip()
     if text[:1] + text[-1:] in ("()", "[]", "<>", "{}"):
         text = text[1:-1].strip()
+    if text.lower() in _NO_UNITS:
+        return None
     return (text or "-") if cell else None
 
 

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.ingest.delimited import lvm
 from pipeline.ingest.delimited.body import Body, Row, find_body
 from pipeline.ingest.delimited.cells import Notation, is_number, notation
 from pipeline.ingest.delimited.columns import FIRST_ROWS, Column, Stamp, entry_columns, find_stamp, named_columns
 from pipeline.ingest.delimited.dialect import Dialect, detect
 from pipeline.ingest.delimited.encoding import Encoding
-from pipeline.ingest.delimited.head import Head, Line, read_head
+from pipeline.ingest.delimited.head import LONG_LOOK, Head, Line, read_head
 from pipeline.ingest.delimited.preamble import entries
+from pipeline.ingest.delimited.regular import RegularClock, labview_rows, labview_units, regular_clock
 from pipeline.ingest.delimited.stamps import is_order_doubtful
 from pipeline.recording import QualityFinding
 
@@ -30,7 +30,8 @@ class Layout:
 
     `columns` are the channels, `unread` columns without name or content or with entries; `first_line` is the number
     of the first row's line, `headings` are the texts of the lines of names and units, which may come again;
-    `last_decimals` is how many decimals the last cell of every row has, None where that differs.
+    `has_remarks` tells that rows may have a remark behind them; `last_decimals` is how many decimals the last cell of
+    every row has, None where that differs.
     """
 
     path: Path
@@ -44,6 +45,8 @@ class Layout:
     columns: tuple[Column, ...]
     unread: tuple[Column, ...]
     stamp: Stamp | None
+    regular: RegularClock | None
+    has_remarks: bool
     last_decimals: int | None
 
     @property
@@ -72,9 +75,15 @@ def survey(path: Path) -> Survey:
     InputError
         If it is empty, no text, holds no table, too few rows, or a header that cannot be told to the columns.
     """
-    head = read_head(path)
     where = str(path)
-    fit = detect([line.text for line in head.lines], where)
+    head = read_head(path)
+    try:
+        fit = detect([line.text for line in head.lines], where)
+    except InputError:
+        if head.is_whole:
+            raise
+        head = read_head(path, LONG_LOOK)  # a preamble that is longer than the first look
+        fit = detect([line.text for line in head.lines], where)
     body = find_body(head.lines, fit.dialect, fit.width, where)
     if head.is_whole and len(body.rows) < FEWEST_ROWS:
         raise InputError(
@@ -82,13 +91,15 @@ def survey(path: Path) -> Survey:
             "are needed. Was the recording stopped too early?"
         )
     texts = [line.text for line in head.lines]
-    columns = named_columns(body, lvm.units(texts[: body.start], fit.dialect))
+    labview = labview_rows(texts[: body.start], fit.dialect)
+    columns = named_columns(body, labview_units(labview))
     numbers = (row[c.index] for c in columns if c.kind == "number" for row in body.rows if is_number(row[c.index]))
     written, doubt = notation(numbers, where)
     stamp = find_stamp(columns, body.rows)
+    regular = regular_clock(columns, body.rows, labview, written)
     beside = entry_columns(columns, body.rows)
     empty = [c for c in columns if c.kind == "empty" and not c.is_named]
-    channels = [as_channel(c, stamp) for c in columns if c not in beside and c not in empty]
+    channels = [as_channel(c, stamp, regular) for c in columns if c not in beside and c not in empty]
     header_indices = [index for index in (body.names_index, body.units_index) if index is not None]
     layout = Layout(
         path=path,
@@ -102,7 +113,9 @@ def survey(path: Path) -> Survey:
         columns=tuple(channels),
         unread=tuple(beside + empty),
         stamp=stamp,
-        last_decimals=_last_decimals(body.rows, written.decimal),
+        regular=regular,
+        has_remarks=bool(labview),
+        last_decimals=_last_decimals(body.rows[:-1] if head.is_whole else body.rows, written.decimal),
     )
     above = [text for index, text in enumerate(texts[: body.start]) if index not in header_indices]
     return Survey(
@@ -115,10 +128,12 @@ def survey(path: Path) -> Survey:
     )
 
 
-def as_channel(column: Column, stamp: Stamp | None = None) -> Column:
+def as_channel(column: Column, stamp: Stamp | None = None, regular: RegularClock | None = None) -> Column:
     """Return the column as it is read: stamps become seconds, a column still empty is taken for numbers."""
     if stamp and column.index == stamp.index:
         return Column(column.index, column.name, "s", "stamp", column.header)
+    if regular and column.index == regular.index:
+        return Column(column.index, column.name, "s", "regular", column.header)
     if column.kind == "empty":
         return Column(column.index, column.name, column.unit, "number", column.header)
     if column.kind == "text":
@@ -177,6 +192,13 @@ def _notes(layout: Layout, body: Body, doubt: str | None) -> list[QualityFinding
     for column in layout.unread:
         if column.kind == "empty" and not column.is_named:
             notes.append(QualityFinding("note", f"Column {column.index + 1} has neither name nor content; left out."))
+    if layout.regular:
+        clock = layout.regular
+        notes.append(
+            QualityFinding(
+                "note", f"Time is counted from {clock.start:g} s in steps of {clock.step:g} s, as the file tells."
+            )
+        )
     if doubt is not None:
         notes.append(
             QualityFinding(

@@ -40,7 +40,7 @@ class Oddities:
         if known := self.found.get((kind, column)):
             known.count += count
         else:
-            self.found[kind, column] = Oddity(count, line, text[:LONGEST_QUOTE])
+            self.found[kind, column] = Oddity(count, line, text)
 
     def merge(self, later: Oddities) -> None:
         """Add what was met further down in the file."""
@@ -71,8 +71,8 @@ def refuse_ragged(odd: Oddities, rows: int, path: Path, so_far: bool = False) ->
 
 
 _OF_ROWS: tuple[tuple[str, Level, str], ...] = (
-    ("ragged", "warning", "{n} row{s} with another number of cells left out, the first in line {line}: {text}."),
-    ("cut", "warning", "The file breaks off in line {line} ('{text}'); that row is left out."),
+    ("ragged", "warning", "{n} row{s} with another number of cells left out, the first in line {line} ({text})."),
+    ("cut", "warning", "The file breaks off in line {line} ({text}); that row is left out."),
     ("zeros", "warning", "From line {line} on the file holds zero bytes only, as a power cut leaves them."),
     (
         "heading",
@@ -93,9 +93,9 @@ def findings(odd: Oddities, layout: Layout, rows: int) -> list[QualityFinding]:
     ]
     names = {column.index: column.name for column in layout.columns}
     for place, seen in odd.by_column("bad"):
-        cells = "1 cell is" if seen.count == 1 else f"{seen.count} cells are, the first"
+        more = f", the first of {seen.count} such cells" if seen.count > 1 else ""
         text = (
-            f"Column '{names[place]}' holds text where numbers should be: {cells} '{seen.text}' in line {seen.line}; "
+            f"Column '{names[place]}' holds text where a number should be: '{seen.text}' in line {seen.line}{more}; "
             "taken as missing."
         )
         level: Level = "error" if seen.count > MOST_BAD * rows else "warning"

@@ -15,8 +15,8 @@ from pipeline.recording.units import is_unit
 
 MOST_ENTRIES = 1000
 _LONGEST_KEY, _LONGEST_VALUE = 80, 500
-_PAIR = re.compile(r"\s*(?P<key>[^\W\d_][^:=]*?)\s*(?::=|[:=])\s*(?P<value>\S.*?)\s*")
-_KEY_ALONE = re.compile(r"\s*[^\W\d_][^:=]*[:=]?\s*")
+_PAIR = re.compile(r"\s*(?P<key>[^\W\d_][^:=|{}\t]*?)\s*(?::=|[:=])\s*(?P<value>\S.*?)\s*")
+_KEY_ALONE = re.compile(r"\s*[^\W\d_][^:=|{}]*[:=]?\s*")
 _NUMBER_IN_BRACKETS = re.compile(r"(?P<number>\S+)\s*[\[(](?P<unit>[^\])]*)[\])]")
 
 

@@ -49,7 +49,7 @@ def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed | No
     unusual = np.empty((_MOST_UNUSUAL, 4), np.int64)
     delimiter = ord(layout.dialect.delimiter) if layout.dialect.delimiter else 0
     rows, n_unusual = scan(np.frombuffer(chunk.data, np.uint8), delimiter, ord(layout.notation.decimal), kinds, slots,
-                           marks, numbers.view(np.uint64), spans, unusual)  # fmt: skip
+                           marks, numbers, spans, unusual)  # fmt: skip
     if rows == GAVE_UP:
         return None
     for slot, row, start, end in unusual[:n_unusual].tolist():

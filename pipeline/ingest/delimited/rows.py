@@ -43,16 +43,16 @@ def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed:
     rows, lines = _rows(chunk, layout, odd)
     numbers, instants, texts, bad = _columns(rows, layout, wanted)
     if chunk.is_cut and rows and (any(bad.values()) or _ends_early(rows[-1], layout)):
-        odd.add("cut", chunk.first_line, chunk.data.decode(errors="replace").strip())
+        odd.add("cut", chunk.first_line, f"'{chunk.data.decode(errors='replace').strip()[:LONGEST_QUOTE]}'")
         return parse_nothing(layout, wanted, odd)
     for column in wanted:
         for index in bad.get(column.index, ()):
             _refuse_second_header(rows[index], lines[index], layout)
-            odd.add("bad", lines[index], rows[index][column.index], column.index)
+            odd.add("bad", lines[index], rows[index][column.index][:LONGEST_QUOTE], column.index)
     for column in layout.unread:
         for row, line in zip(rows, lines, strict=True):
             if row[column.index]:
-                odd.add("occupied", line, row[column.index], column.index)
+                odd.add("occupied", line, row[column.index][:LONGEST_QUOTE], column.index)
     if chunk.has_zeros:
         odd.add("zeros", chunk.first_line)
     return Parsed(len(rows), numbers, instants, texts, odd)
@@ -74,16 +74,18 @@ def _rows(chunk: Chunk, layout: Layout, odd: Oddities) -> tuple[list[list[str]],
         if not stripped:
             continue
         if stripped[0] in first_letters and layout.dialect.comment(stripped) is not None:
-            odd.add("comment", number, stripped)
+            odd.add("comment", number, stripped[:LONGEST_QUOTE])
             continue
         if stripped in layout.headings:
-            odd.add("heading", number, stripped)
+            if stripped == layout.headings[0]:
+                odd.add("heading", number, stripped)
             continue
         row = split(line)
         if len(row) != width:
             row = _evened(row, layout)
             if len(row) != width:
-                odd.add("cut" if chunk.is_cut else "ragged", number, f"{len(row)} cells: {stripped}")
+                instead = f"{len(row)} instead of {width} cells: '{stripped[:LONGEST_QUOTE]}'"
+                odd.add("cut" if chunk.is_cut else "ragged", number, instead)
                 continue
         if any(row):
             rows.append(row)
@@ -96,6 +98,8 @@ def _rows(chunk: Chunk, layout: Layout, odd: Oddities) -> tuple[list[list[str]],
 def _evened(row: list[str], layout: Layout) -> list[str]:
     """Give a row the table's width where it differs only in empty cells at its end."""
     while len(row) > layout.width and not row[-1]:
+        row = row[:-1]
+    if layout.has_remarks and len(row) == layout.width + 1:
         row = row[:-1]
     missing = range(len(row), layout.width)
     if all(place in {column.index for column in layout.unread} for place in missing):
@@ -111,6 +115,8 @@ def _columns(rows: Sequence[list[str]], layout: Layout, wanted: Sequence[Column]
     numbers, instants, texts, bad = {}, {}, {}, {}
     for column in wanted:
         place = column.index
+        if column.kind == "regular":
+            continue
         if column.kind == "stamp" and layout.stamp:
             stamps = [stamp_text(row, layout.stamp) for row in rows]
             instants[place] = layout.stamp.format.instants(stamps)

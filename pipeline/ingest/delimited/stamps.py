@@ -175,6 +175,8 @@ def is_order_doubtful(texts: Sequence[str]) -> bool:
     """Tell whether day and month of the dates could be the other way round."""
     first, second = (f for f in _formats() if f.name in ("day/month/year, time of day", "month/day/year, time of day")
                      and "(?P<s>" in f.pattern.pattern)  # fmt: skip
+    if any(re.search("[AaPp]\\.?[Mm]", text) for text in texts):
+        return False
     both = [(first.instant(text), second.instant(text)) for text in texts]
     return all(NOT_A_TIME not in pair and pair[0] != pair[1] for pair in both)
 

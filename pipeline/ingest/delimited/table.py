@@ -34,10 +34,10 @@ class DelimitedTable(RawTable):
         self._layout = layout
         self._oddities, self._rows = Oddities(), 0
         self.channels = [RawChannel(c.name, c.unit, is_text=c.kind == "text") for c in layout.columns]
-        if stamp := layout.stamp:
-            self.time_channel = next(c.name for c in layout.columns if c.index == stamp.index)
-            if stamp.format.has_date:
-                self.absolute_start = iso(stamp.start, stamp.has_zone)
+        clocks = [c.name for c in layout.columns if c.kind in ("stamp", "regular")]
+        self.time_channel = clocks[0] if clocks else None
+        if layout.stamp and layout.stamp.format.has_date:
+            self.absolute_start = iso(layout.stamp.start, layout.stamp.has_zone)
 
     def blocks(self, names: Sequence[str] | None = None) -> Iterator[dict[str, np.ndarray]]:
         """Yield the rows of each chunk: channel name -> float64 numbers, or an object array of text.
@@ -53,10 +53,10 @@ class DelimitedTable(RawTable):
         clock = Clock(layout.stamp.start, layout.stamp.format.period) if layout.stamp else None
         for parsed in parsed_chunks(layout, wanted):
             odd.merge(parsed.oddities)
-            self._rows += parsed.rows
-            refuse_ragged(odd, self._rows, layout.path, so_far=True)
+            refuse_ragged(odd, self._rows + parsed.rows, layout.path, so_far=True)
             if parsed.rows:
-                yield {column.name: _values(parsed, column, clock) for column in wanted}
+                yield {column.name: self._values(parsed, column, clock) for column in wanted}
+            self._rows += parsed.rows
         refuse_ragged(odd, self._rows, layout.path)
 
     def notes(self) -> Sequence[QualityFinding]:
@@ -72,13 +72,14 @@ class DelimitedTable(RawTable):
                 raise InputError(f"{self._layout.path}: has no channel '{name}'; it has {listing(known)}.")
         return [known[name] for name in dict.fromkeys(names)]
 
-
-def _values(parsed: Parsed, column: Column, clock: Clock | None) -> np.ndarray:
-    if column.kind == "stamp" and clock is not None:
-        return clock.seconds(parsed.instants[column.index])
-    if column.kind == "text":
-        return np.array(parsed.texts[column.index], dtype=object)
-    return parsed.numbers[column.index]
+    def _values(self, parsed: Parsed, column: Column, clock: Clock | None) -> np.ndarray:
+        if column.kind == "stamp" and clock is not None:
+            return clock.seconds(parsed.instants[column.index])
+        if column.kind == "regular" and (regular := self._layout.regular):
+            return regular.start + regular.step * np.arange(self._rows, self._rows + parsed.rows)
+        if column.kind == "text":
+            return np.array(parsed.texts[column.index], dtype=object)
+        return parsed.numbers[column.index]
 
 
 def parsed_chunks(
