@@ -12,7 +12,7 @@ from pipeline.findings.figures import Cell, Column, Table
 from pipeline.report.numbers import plain
 from pipeline.report.parameters import condition_text, unit_of_condition
 from pipeline.report.reading_units import reading_unit, typical
-from pipeline.report.table import NOTHING, Head, Shown, TableView, table_view
+from pipeline.report.table import MOST_ROWS, NOTHING, Head, Shown, TableView, table_view
 from pipeline.report.words import clean
 from pipeline.rigs.experiment import Experiment
 
@@ -135,7 +135,7 @@ def runs_table(runs: Sequence[Run], experiment: Experiment) -> tuple[TableView, 
     columns += [Column(clean(name).replace("_", " "), unit_of_condition(experiment, name)) for name in differ]
     reasons = any(run.reason for run in runs)
     columns += [Column("Why not used")] if reasons else []
-    ordered = sorted(runs, key=lambda run: run.used)
+    ordered = sorted(runs, key=lambda run: run.used) if len(runs) > MOST_ROWS else runs
     rows: list[list[Cell]] = [
         [
             run.run, "yes" if run.used else badge("no", "warning"), run.duration, run.n_samples,
@@ -144,7 +144,7 @@ def runs_table(runs: Sequence[Run], experiment: Experiment) -> tuple[TableView, 
         for run in ordered
     ]  # fmt: skip
     constant = "; ".join(_condition(runs[0], name, experiment) for name in same)
-    sentence = f"The same in all runs: {constant}." if constant else ""
+    sentence = f"The same in all runs: {constant.rstrip('.')}." if constant else ""
     return table_view(Table("runs", "Runs", "", columns, rows)), sentence
 
 

@@ -201,4 +201,5 @@ def _settings_table(settings: Mapping[str, Any], experiment: Experiment) -> Tabl
         for name, value in settings.items()
     ]
     columns = [Column("Setting"), Column("Value"), Column("What it sets")]
-    return table_view(Table("settings", "Settings", "", columns, rows))
+    shown = 3 if any(row[2] for row in rows) else 2
+    return table_view(Table("settings", "Settings", "", columns[:shown], rows))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from markupsafe import Markup, escape
@@ -95,7 +95,7 @@ def figure_view(figure: Figure, number: int) -> FigureView:
 def thumbnail(figure: Figure, owner: str, width: float = 240, height: float = 130) -> Markup:
     """Draw the first panel of a figure as a small picture without text; `owner` makes its ids unique."""
     panel = figure.panels[0]
-    x, y = _scales(figure)[0]
+    ((x, y),) = _scales(replace(figure, panels=[panel]))
     if panel.equal and not x.log and not y.log:
         x, y = equal(x, y, width, height)
     with drawing():

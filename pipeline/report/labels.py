@@ -9,12 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.findings.figures import Band, Figure, Line, Panel, Points, Role
+from pipeline.report.scale import extent
 from pipeline.report.words import clean, text_width
 
 # A word at a line's end must leave the panel to the data.
 _MOST_DIRECT = 6
 _LONGEST_DIRECT = 15
 _PANELS_WITH_REPEATED_WORDS = 2
+_FAR_FROM_THE_EDGE = 0.3  # of the width
 
 Named = Line | Points | Band
 
@@ -59,10 +61,20 @@ def _runs_to_the_right(mark: Named) -> bool:
     return x.size > 0 and bool(np.all(np.diff(x) >= 0))
 
 
+def _reaches_the_right(mark: Named, panel: Panel) -> bool:
+    """Tell whether a mark ends near the right edge, so that a word there is taken for its name."""
+    own, all_of_them = extent([mark], "x", log=False), extent(panel.marks, "x", log=False)
+    if own is None or all_of_them is None:
+        return False
+    low, high = all_of_them
+    return own[1] >= high - _FAR_FROM_THE_EDGE * (high - low)
+
+
 def ends(figure: Figure, panel: Panel, columns: int) -> Mapping[str, Line | Points]:
     """Return the marks that are named at their right end, by label; the rest belongs to `keys`."""
     by_role = _roles_differ(panel)
     drawn = [mark for mark in panel.marks if isinstance(mark, Line | Points) and label_of(mark, by_role)]
+    drawn = [mark for mark in drawn if _reaches_the_right(mark, panel)]
     if columns > 2 or not all(_runs_to_the_right(mark) for mark in drawn):
         return {}
     panels_with = Counter(label for other in figure.panels for label in _labels(other))

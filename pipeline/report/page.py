@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 VERDICTS = {
     "ok": ("OK", "The numbers below can be used with the intervals given."),
-    "warning": ("Warning", "The numbers below can be used with these reservations:"),
-    "rejected": ("Rejected", "The numbers below are not to be used:"),
+    "warning": ("Warning", "The numbers below can be used, with reservations."),
+    "rejected": ("Rejected", "The numbers below are not to be used."),
 }
 
 
@@ -87,6 +87,7 @@ def _facts(findings: Findings) -> list[str]:
     runs = f"{len(findings.runs)} run{'s' * (len(findings.runs) != 1)}"
     undetermined = sum(parameter.value is None for parameter in findings.parameters)
     facts = [f"{runs}, {'all' if used == len(findings.runs) else used} used" if findings.runs else "no run is listed"]
-    facts += [f"{n} {level}{'s' * (n != 1)} on the data" for level, n in quality_counts(findings.quality).items() if n]
+    noticed = [f"{n} {level}{'s' * (n != 1)}" for level, n in quality_counts(findings.quality).items() if n]
+    facts += [f"{', '.join(noticed)} on the data"] if noticed else []
     facts += [f"{undetermined} of {len(findings.parameters)} parameters not determined"] if undetermined else []
     return facts

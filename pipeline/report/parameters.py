@@ -15,7 +15,7 @@ from pipeline.findings.figures import Cell, Column, Table, Value
 from pipeline.report.numbers import Reading, aligned_readings, plain, reading
 from pipeline.report.reading_units import ReadingUnit, reading_unit, typical
 from pipeline.report.symbols import symbol_html
-from pipeline.report.table import NOTHING, Head, Shown, TableView, table_view
+from pipeline.report.table import Head, Shown, TableView, table_view
 from pipeline.report.words import clean
 from pipeline.rigs.experiment import Experiment
 
@@ -127,15 +127,10 @@ def _list_view(
     values = aligned_readings([found for _, found, _ in rows])
     lines = []
     for number, ((what, found, unit), value) in enumerate(zip(rows, values, strict=True)):
-        lines.append([
-            what,
-            Shown(value, kind="number") if found else Shown(_UNDETERMINED, kind="number missing"),
-            Shown(found.interval if found and found.low else NOTHING, kind="number"),
-            Shown(unit),
-            *(Shown(texts[number]) for _, texts in more),
-        ])  # fmt: skip
-    heads = [Head("Quantity"), Head("Value ± standard error", number=True), Head("95 % interval", number=True),
-             Head("Unit"), *(head for head, _ in more)]  # fmt: skip
+        shown = Shown(value, found.interval, "number") if found else Shown(_UNDETERMINED, kind="number missing")
+        lines.append([what, shown, Shown(unit), *(Shown(texts[number]) for _, texts in more)])
+    heads = [Head("Quantity"), Head("Value ± standard error", "95 % interval", True), Head("Unit")]
+    heads += [head for head, _ in more]
     return TableView(name, title, "", heads, lines)
 
 

@@ -16,6 +16,8 @@ from pipeline.report.words import clean
 
 MOST_ROWS = 200
 NOTHING = "–"
+_LONG_FROM = 25  # rows
+_PROSE_FROM = 30  # signs
 _WIDE_FROM = 8  # columns; print takes smaller type
 
 
@@ -55,6 +57,11 @@ class TableView:
     def wide(self) -> bool:
         """Tell whether the table needs smaller type on paper."""
         return len(self.heads) >= _WIDE_FROM
+
+    @property
+    def long(self) -> bool:
+        """Tell whether the table scrolls in a box of its own."""
+        return len(self.rows) > _LONG_FROM
 
     def numbered(self, number: int) -> TableView:
         """Return the table with its number in the page."""
@@ -98,7 +105,9 @@ def column_unit(column: Column, cells: Sequence[Cell]) -> ReadingUnit:
 def _column(column: Column, cells: Sequence[Cell]) -> tuple[Head, list[Shown]]:
     numbers = [cell for cell in cells if isinstance(cell, int | float | Value) and not isinstance(cell, bool)]
     if not numbers:
-        return Head(_text(column.heading)), [_words(cell) for cell in cells]
+        words = [_words(cell) for cell in cells]
+        prose = any(len(one.text) > _PROSE_FROM and not isinstance(one.text, Markup) for one in words)
+        return Head(_text(column.heading)), [replace(one, kind="prose") for one in words] if prose else words
     if all(isinstance(cell, int) for cell in numbers) and column.unit in ("", "1"):
         texts = [f"{cell:,}".replace(",", THIN) if _counts(cell) else _words(cell).text for cell in cells]
         return Head(_text(column.heading), "", True), [Shown(text, kind="number") for text in texts]
@@ -108,8 +117,8 @@ def _column(column: Column, cells: Sequence[Cell]) -> tuple[Head, list[Shown]]:
     shown = []
     for cell, found, text in zip(cells, readings, texts, strict=True):
         if found is None:
-            words = _words(cell)
-            shown.append(replace(words, kind="number missing" if words.text == NOTHING else "number"))
+            without = _words(cell)
+            shown.append(replace(without, kind="number missing" if without.text == NOTHING else "number"))
         else:
             note = clean(cell.note) if isinstance(cell, Value) else ""
             shown.append(Shown(text, "; ".join(filter(None, (found.interval, note))), "number"))
