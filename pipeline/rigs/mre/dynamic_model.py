@@ -22,9 +22,7 @@ FIELD_TERMS: Mapping[str, tuple[str, ...]] = {
     "ksa": ("x", "v", "w"),
 }
 SHAPE_NAMES = ("tau", "rho", "c_bw", "n_bw")
-# Search space of (ln tau, ln rho, C, n, lag): mre.md section 5; the lag within +-2 ms.
-LOWER = np.array([np.log(5e-4), np.log(200.0), 0.5, 1.0, -2e-3])
-UPPER = np.array([np.log(0.5), np.log(1e5), 4.0, 6.0, 2e-3])
+# Typical steps of (ln tau, ln rho, C, n, lag).
 SCALE = np.array([0.3, 0.3, 0.2, 0.3, 1e-4])
 _POINTS = 256  # per cycle; the turning points are added
 
@@ -130,6 +128,8 @@ class HarmonicModel:
         self.run_of_row = np.nonzero(self.kept)[0]
         self.data = np.array([loop.F for loop in loops])[self.kept]
         self.weights = 1 / np.array([effective_sd(loop) for loop in loops])[self.kept]
+        lower, upper = search_space(max(loop.amplitude for loop in loops))
+        self.lower, self.upper = lower[: self.n_shape], upper[: self.n_shape]
 
     @property
     def n_shape(self) -> int:
@@ -165,6 +165,17 @@ def effective_sd(loop: Loop) -> np.ndarray:
     return sd
 
 
+def search_space(largest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return lower and upper bounds of (ln tau, ln rho, C, n, lag) for a largest amplitude (m).
+
+    Those of mre.md section 5 with rho bound to the motion, so that other devices fit as well: rho X from
+    0.1 (w is straight) to 100 (a step); the lag within +-2 ms.
+    """
+    lower = np.array([np.log(5e-4), np.log(0.1 / largest), 0.5, 1.0, -2e-3])
+    upper = np.array([np.log(0.5), np.log(100 / largest), 4.0, 6.0, 2e-3])
+    return lower, upper
+
+
 def spread_starts(largest: float, count: int, seed: int) -> list[np.ndarray]:
     """Return `count` start points (ln tau, ln rho, C, n, lag): the standard one, then random ones.
 
@@ -176,4 +187,12 @@ def spread_starts(largest: float, count: int, seed: int) -> list[np.ndarray]:
     high = np.array([np.log(0.1), np.log(10 / largest), 2.5, 3.5])
     others = np.zeros((max(count - 1, 0), 5))
     others[:, :4] = low + rng.random((others.shape[0], 4)) * (high - low)
-    return [np.clip(point, LOWER, UPPER) for point in (first, *others)]
+    return [first, *others]
+
+
+def bounds_reached(q: np.ndarray, at_bound: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> dict[str, float]:
+    """Return the bound, in natural units, of every shape parameter that lies at one."""
+    bounds = np.where(q - lower < upper - q, lower, upper)
+    bounds[:2] = np.exp(bounds[:2])
+    names = (*SHAPE_NAMES, "force_lag")
+    return {names[i]: float(bounds[i]) for i in np.flatnonzero(at_bound)}

@@ -136,6 +136,16 @@ def judge(keys: Sequence[Key], values: np.ndarray, jacobian: np.ndarray, factor:
     )
 
 
+def impossible(keys: Sequence[Key], values: np.ndarray, errors: Errors, verdict: Identifiability) -> tuple[str, ...]:
+    """Return the determined parameters that cannot be negative and are, by more than two standard errors."""
+    sd = np.sqrt(np.diag(errors.covariance))
+    return tuple(
+        key.text
+        for key, value, error in zip(keys, values, sd, strict=True)
+        if key.name in ("k1", "k2", "alpha_bw") and value < -2 * error and key.text not in verdict.undetermined
+    )
+
+
 def estimates_of(
     keys: Sequence[Key],
     values: np.ndarray,

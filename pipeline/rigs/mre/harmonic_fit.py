@@ -16,13 +16,14 @@ from pipeline.estimation.scatter import Scatter, estimate_scatter, gain_vectors,
 from pipeline.estimation.selection import Candidate, rank
 from pipeline.estimation.separable import RowMap, SeparableFit, fit_separable, multi_start
 from pipeline.rigs.mre.dynamic_fit import DynamicFit, VariantFit
-from pipeline.rigs.mre.dynamic_model import LOWER, SCALE, SHAPE_NAMES, UPPER, HarmonicModel, Layout, spread_starts
+from pipeline.rigs.mre.dynamic_model import SCALE, SHAPE_NAMES, HarmonicModel, Layout, bounds_reached, spread_starts
 from pipeline.rigs.mre.fit_errors import (
     PHYSICAL_BOUNDS,
     Key,
     errors_of_wrong_model,
     errors_with_scatter,
     estimates_of,
+    impossible,
     increment_of,
     judge,
 )
@@ -136,18 +137,21 @@ def _search(model: HarmonicModel, starts: Sequence[np.ndarray]) -> tuple[Separab
 
 
 def _solve(model: HarmonicModel, q0: np.ndarray, whiten: RowMap | None = None) -> SeparableFit:
-    n = model.n_shape
-    bounds = {"lower": LOWER[:n], "upper": UPPER[:n], "scale": SCALE[:n]}
-    return fit_separable(model, model.data, q0, **bounds, weights=model.weights, whiten=whiten, tolerance=1e-9)
+    return fit_separable(
+        model,
+        model.data,
+        q0,
+        lower=model.lower,
+        upper=model.upper,
+        scale=SCALE[: model.n_shape],
+        weights=model.weights,
+        whiten=whiten,
+        tolerance=1e-9,
+    )
 
 
 def _at_bound(model: HarmonicModel, fit: SeparableFit) -> dict[str, float]:
-    """Return the bound of every shape parameter that lies at one."""
-    n = model.n_shape
-    bounds = np.where(fit.q - LOWER[:n] < UPPER[:n] - fit.q, LOWER[:n], UPPER[:n])
-    bounds[:2] = np.exp(bounds[:2])
-    names = (*SHAPE_NAMES, "force_lag")
-    return {names[i]: float(bounds[i]) for i in np.flatnonzero(fit.at_bound)}
+    return bounds_reached(fit.q, fit.at_bound, model.lower, model.upper)
 
 
 def _compared(
@@ -251,11 +255,7 @@ def _finished(
         statements=verdict.statements,
         undetermined=verdict.undetermined,
         at_bound=tuple(bounds),
-        inadmissible=tuple(
-            key.text
-            for key, value in zip(keys, values, strict=True)
-            if key.name in ("k1", "k2", "alpha_bw") and value < 0 and key.text not in verdict.undetermined
-        ),
+        inadmissible=impossible(keys, values, errors, verdict),
         chi2=fit.chi2,
         dof=fit.dof,
         chi2_by_run={run: float(r @ r) / r.size for run, r in zip(runs, each_run(raw), strict=True)},

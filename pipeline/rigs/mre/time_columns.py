@@ -91,6 +91,11 @@ def segments_of(record: Record, cutoff: float | None) -> list[Segment]:
     return segments
 
 
+def largest_excursion(segments: Sequence[Segment]) -> float:
+    """Return half the largest range of displacement, m."""
+    return max(0.5 * float(np.ptp(part.x)) for part in segments)
+
+
 def livelier_part(segments: Sequence[Segment], count: int) -> Segment:
     """Return the `count` successive samples of the longest segment in which x strays most."""
     whole = max(segments, key=lambda part: part.time.size)
@@ -112,7 +117,7 @@ def _after_warm_up(x: np.ndarray) -> np.ndarray:
 
 
 def highest_motion(time: np.ndarray, x: np.ndarray) -> float:
-    """Return three times the frequency below which 99.99 % of the motion's power lies, Hz.
+    """Return three times the frequency below which 99.9 % of the motion's power lies, Hz.
 
     The noise floor is the median of the upper half of the spectrum. At most 0.4 times the rate.
     """
@@ -122,7 +127,7 @@ def highest_motion(time: np.ndarray, x: np.ndarray) -> float:
     power = np.abs(np.fft.rfft(centred[:size] * np.hanning(size))) ** 2
     floor = float(np.median(power[power.size // 2 :])) / np.log(2)  # of an exponential distribution
     share = np.cumsum(np.maximum(power - floor, 0.0) * (power > 10 * floor))
-    top = int(np.searchsorted(share, 0.9999 * share[-1])) * rate / size
+    top = int(np.searchsorted(share, 0.999 * share[-1])) * rate / size
     return float(np.clip(3 * top, 8 * rate / size, 0.4 * rate))
 
 

@@ -16,9 +16,9 @@ from pipeline.estimation.estimate import Estimate
 from pipeline.estimation.selection import Candidate
 from pipeline.estimation.separable import SeparableFit, fit_separable, linear_fit, multi_start
 from pipeline.estimation.uncertainty import effective_size, newey_west
-from pipeline.rigs.mre.dynamic_model import LOWER, SCALE, SHAPE_NAMES, UPPER, spread_starts
-from pipeline.rigs.mre.fit_errors import PHYSICAL_BOUNDS, Errors, Key, estimates_of, judge
-from pipeline.rigs.mre.time_columns import Record, Segment, livelier_part, segments_of
+from pipeline.rigs.mre.dynamic_model import SCALE, SHAPE_NAMES, bounds_reached, spread_starts
+from pipeline.rigs.mre.fit_errors import PHYSICAL_BOUNDS, Errors, Key, estimates_of, impossible, judge
+from pipeline.rigs.mre.time_columns import Record, largest_excursion, livelier_part, segments_of
 from pipeline.rigs.mre.time_model import TimeModel, TimeOptions
 
 __all__ = ["Record", "TimeFit", "TimeOptions", "fit_records"]
@@ -101,7 +101,7 @@ def fit_records(records: Sequence[Record], options: TimeOptions | None = None) -
     every = model.usable
     lively = TimeModel([livelier_part(segments, _SEARCH_ROWS)], options)
     lively = lively.restricted(lively.usable)
-    starts = _starts(segments, options)
+    starts = spread_starts(largest_excursion(segments), options.starts, options.seed)
     coarse, agreeing, tried = multi_start(
         lambda q0: _fit(lively, q0[: model.n_shape], 1e-6), starts, lambda end: _admissible(end, lively)
     )
@@ -109,26 +109,17 @@ def fit_records(records: Sequence[Record], options: TimeOptions | None = None) -
     first = model.restricted(every & model.first_half)
     half = _fit(first, coarse.q, 1e-7)
     predicted = model.restricted(every & ~model.first_half)
-    fit = _fit(model.restricted(every), half.q, 1e-8)
+    fit = _fit(model.restricted(every), half.q, 1e-7)
     return _finished(model, fit, half, first, predicted, (agreeing, tried))
 
 
-def _starts(segments: Sequence[Segment], options: TimeOptions) -> list[np.ndarray]:
-    largest = max(0.5 * float(np.ptp(part.x)) for part in segments)
-    return spread_starts(largest, options.starts, options.seed)
-
-
 def _fit(model: TimeModel, q0: np.ndarray, tolerance: float) -> SeparableFit:
-    n = model.n_shape
-    return fit_separable(model, model.data, q0, lower=LOWER[:n], upper=UPPER[:n], scale=SCALE[:n], tolerance=tolerance)
+    scale = SCALE[: model.n_shape]
+    return fit_separable(model, model.data, q0, lower=model.lower, upper=model.upper, scale=scale, tolerance=tolerance)
 
 
 def _bounds_reached(model: TimeModel, fit: SeparableFit) -> dict[str, float]:
-    n = model.n_shape
-    bounds = np.where(fit.q - LOWER[:n] < UPPER[:n] - fit.q, LOWER[:n], UPPER[:n])
-    bounds[:2] = np.exp(bounds[:2])
-    names = (*SHAPE_NAMES, "force_lag")
-    return {names[i]: float(bounds[i]) for i in np.flatnonzero(fit.at_bound)}
+    return bounds_reached(fit.q, fit.at_bound, model.lower, model.upper)
 
 
 def _admissible(fit: SeparableFit, model: TimeModel) -> bool:
@@ -184,11 +175,7 @@ def _finished(
         statements=verdict.statements,
         undetermined=verdict.undetermined,
         at_bound=tuple(bounds),
-        inadmissible=tuple(
-            key.text
-            for key, value in zip(keys, values, strict=True)
-            if key.name in ("k1", "k2", "alpha_bw") and value < 0 and key.text not in verdict.undetermined
-        ),
+        inadmissible=impossible(keys, values, errors, verdict),
         levels=model.levels,
         rms_residual=float(np.sqrt(np.mean(fit.residual**2))),
         nrmse=_nrmse(fit.residual, measured),

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.estimation.separable import Slopes
-from pipeline.rigs.mre.dynamic_model import FIELD_TERMS, Shape
+from pipeline.rigs.mre.dynamic_model import FIELD_TERMS, Shape, search_space
 from pipeline.rigs.mre.loop import group_levels
-from pipeline.rigs.mre.time_columns import Segment, segment_columns
+from pipeline.rigs.mre.time_columns import Segment, largest_excursion, segment_columns
 from pipeline.signals.spectra import hum
 
 
@@ -61,6 +61,8 @@ class TimeModel:
         others = sorted(set(labels) - {self.reference})
         self.terms = [*shared, *((column, level) for level in others for column in FIELD_TERMS["ks"])]
         self.nuisance = self._nuisance()
+        lower, upper = search_space(largest_excursion(segments))
+        self.lower, self.upper = lower[: self.n_shape], upper[: self.n_shape]
 
     def _nuisance(self) -> np.ndarray:
         """Return the offset, and with `drift` the straight line, of every segment, shape (rows, columns)."""
