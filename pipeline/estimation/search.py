@@ -16,6 +16,9 @@ from pipeline.errors import InputError
 
 Values = Mapping[str, float]
 
+# Residuals beyond it, from starts far off, overflow when the search squares them twice.
+_LARGEST = 1e60
+
 
 @dataclass(frozen=True)
 class Unknown:
@@ -75,11 +78,11 @@ class Search:
         return found
 
     def residual(self, z: np.ndarray) -> np.ndarray:
-        """Return the residual; a high wall where it is not finite."""
+        """Return the residual; a high wall where it is not finite or has no finite square."""
         self.evaluations += 1
         with np.errstate(all="ignore"):
             out = np.asarray(self._residual(self.values(z)), dtype=float).ravel()
-        if np.isfinite(out).all():
+        if np.all(np.abs(out) < _LARGEST):
             return out
         return np.full(out.size, self.wall)
 
@@ -148,7 +151,8 @@ class Search:
         for caution in (100.0, 0.1):
             method = "least_squares" if bounded else "leastsq"
             options: dict[str, Any] = {"x_scale": "jac"} if bounded else {"factor": caution}
-            found = minimizer.minimize(method, Dfun=lambda p: self.jacobian(point(p)), **tolerances, **options)
+            with np.errstate(all="ignore"):  # far-off trial points are the search's own business
+                found = minimizer.minimize(method, Dfun=lambda p: self.jacobian(point(p)), **tolerances, **options)
             end = point(found.params)
             if best is None or self.cost(end) < self.cost(best):
                 best = end

@@ -101,6 +101,12 @@ def test_regions_without_finite_numbers_are_avoided():
     assert found.values["a"] == pytest.approx(2.0, rel=1e-8)
 
 
+def test_starts_whose_squares_overflow_are_avoided():
+    y = np.exp(-2.0 * x)
+    found = fit(lambda p: np.exp(p["a"] * x) - y, [Unknown("a", -1.0, -1e3, 1e3)], starts=12)
+    assert found.values["a"] == pytest.approx(-2.0, rel=1e-8)
+
+
 def test_a_rough_residual_is_followed_with_larger_differences():
     def rough(p):  # an adaptive solver's answer changes by its tolerance from call to call
         return np.round(decay(p), 6) - decay({"a": 2.0, "tau": 0.8, "b": 0.5})
