@@ -77,7 +77,7 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str) -> Repair:
             findings.append(
                 QualityFinding(
                     level,  # type: ignore[arg-type]
-                    f"{where}: {counted(int(repeated.sum()), 'row')} with the time of the row before "
+                    f"{where}: {counted(int(repeated.sum()), 'row')} repeating the time of the row before "
                     f"({100 * part:.2g} %, first row {rows[first + 1] + 1} at {time[first]:.9g}), dropped.",
                 )
             )
@@ -190,7 +190,7 @@ def _said_backward(
     if part <= _FEW or lost <= 1:
         return QualityFinding(
             "warning",
-            f"{where}: time steps back {place}; {counted(lost, 'row')} dropped for it.",
+            f"{where}: time steps backward {place}; {counted(lost, 'row')} dropped for it.",
         )
     if part > 0.5:
         raise InputError(

@@ -241,7 +241,7 @@ def test_a_needed_channel_without_values_is_refused_and_an_optional_one_warned_o
         taken(tmp_path, path)
     optional = Spec("displacement", "m", required=False)
     back = read(taken(tmp_path, path, specs=[FORCE, optional]))
-    assert any("no value in any sample" in finding.message for finding in back.quality)
+    assert any("no value (NaN) in any sample" in finding.message for finding in back.quality)
 
 
 def test_logs_without_rows_are_refused(tmp_path: Path, put: Callable[..., Path]) -> None:

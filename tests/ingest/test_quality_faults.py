@@ -59,7 +59,7 @@ def the_one(values: np.ndarray | dict[str, np.ndarray], block: int = 1 << 18) ->
 def test_a_clipped_signal_is_found_with_its_levels(signal: np.ndarray, levels: str, block: int) -> None:
     finding = the_one(signal, block)
     assert finding.level == "warning"
-    assert f"clipped at {levels}:" in finding.message
+    assert f"clipped (saturated) at {levels}:" in finding.message
     assert finding.span is not None
 
 
@@ -121,7 +121,7 @@ def test_isolated_spikes_are_counted_and_placed(signal: np.ndarray, height: floa
     for row in at:
         values[row : row + width] += height
     finding = the_one(values, block)
-    assert f"{len(at)} spikes, first at {T[37]:.6g} s" in finding.message
+    assert f"{len(at)} spikes (outliers), first at {T[37]:.6g} s" in finding.message
     assert finding.level == "warning"
 
 
@@ -137,7 +137,7 @@ def test_missing_samples_are_a_note_when_few_and_a_warning_when_many() -> None:
 
 
 def test_a_channel_without_any_value_is_warned_of() -> None:
-    assert "no value in any sample" in the_one({"force": np.full(N, np.nan)}).message
+    assert "no value (NaN) in any sample" in the_one({"force": np.full(N, np.nan)}).message
 
 
 def limited(peak: float, unit: str, taken_as: str, limit: float) -> list[QualityFinding]:

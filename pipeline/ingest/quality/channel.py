@@ -114,7 +114,7 @@ class ChannelQuality:
         if not self.n:
             return []
         if not self.present:
-            return [self._said("warning", "has no value in any sample.")]
+            return [self._said("warning", "has no value (NaN) in any sample.")]
         said = [*self._said_missing(), *self._said_limit()]
         if self.is_dead:
             return [*said, self._said_dead()]
@@ -133,7 +133,7 @@ class ChannelQuality:
         level: Level = "note" if part <= 1e-3 else "warning"
         count = counted(self.missing, "sample")
         place = f"at {self._gone[0]:.6g} s" if self.missing == 1 else f"first at {self._gone[0]:.6g} s"
-        return [self._said(level, f"has no value in {count} ({100 * part:.2g} %), {place}.", self._gone)]
+        return [self._said(level, f"has no value (NaN) in {count} ({100 * part:.2g} %), {place}.", self._gone)]
 
     def _said_dead(self) -> QualityFinding:
         what = f"is {self._value(self._sum / self.present)} in every sample: a dead channel, or a set value."
@@ -150,7 +150,7 @@ class ChannelQuality:
         return [
             self._said(
                 "warning",
-                f"is clipped at {levels}: it stays there for {samples} samples ({100 * samples / self.n:.2g} %) in "
+                f"is clipped (saturated) at {levels}: it stays there for {samples} samples ({100 * samples / self.n:.2g} %) in "
                 f"{places}, first at {span[0]:.6g} s. The range of sensor or amplifier was too small.",
                 span,
             )
@@ -161,10 +161,10 @@ class ChannelQuality:
         if not spikes.isolated:
             return []
         if spikes.count == 1:
-            where = f"has a spike at {spikes.first:.6g} s, {self._value(spikes.largest)} high."
+            where = f"has a spike (outlier) at {spikes.first:.6g} s, {self._value(spikes.largest)} high."
         else:
             where = (
-                f"has {spikes.count} spikes, first at {spikes.first:.6g} s, the largest {self._value(spikes.largest)} "
+                f"has {spikes.count} spikes (outliers), first at {spikes.first:.6g} s, the largest {self._value(spikes.largest)} "
                 f"high at {spikes.at_largest:.6g} s."
             )
         return [self._said("warning", where, (spikes.at_largest, spikes.at_largest))]
