@@ -231,7 +231,7 @@ def _damage_notes(layout: Layout, messages: Messages, zero: int) -> Iterator[Qua
         yield QualityFinding("warning", text + ".")
     if not layout.has_footer and not layout.damages:
         until = _last_time(messages, zero)
-        told = f" Whole up to there: {until:.6g} s." if until is not None else ""
+        told = f" It can be read up to {until:.6g} s." if until is not None else ""
         yield QualityFinding(
             "warning", f"the file ends without its closing records: the recorder or the copy was interrupted.{told}"
         )
