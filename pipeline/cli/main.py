@@ -14,6 +14,9 @@ import click
 
 from pipeline import __version__
 
+# The matrices here are small: two BLAS threads on busy cores are slower than one. Numpy reads it when imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 PATH = click.Path(path_type=Path)
 
 

@@ -22,6 +22,7 @@ _FLAT_SHARE, _FLAT_SAMPLES = 0.02, 6
 _STUCK_SHARE = 0.1
 # Measured against set current: what counts as another level.
 _CURRENT_APART = 0.1
+_FREQUENCY_APART = 0.03
 _OFFSET_SAID, _ASYMMETRY_SAID, _DRIFT_SAID = 0.05, 0.05, 0.05
 
 
@@ -51,6 +52,7 @@ class UsableRun:
     pads: Pads | None
     sequence: float | None
     test: str
+    label_frequency: float | None = None
     loop: Loop | None = None
 
 
@@ -115,6 +117,7 @@ def _sort_one(recording: Recording, settings: ShearSettings, runs: SortedRuns) -
         pads=_pads(recording),
         sequence=_number(recording, "sequence_index"),
         test=str(recording.conditions.get("test", "")),
+        label_frequency=_number(recording, "frequency"),
     )
     for remark in excitation.remarks:
         runs.say("note", run, f"{remark}.", "displacement")
@@ -227,6 +230,14 @@ def _as_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
         )
         return
     _say_shape(loop, usable.excitation, runs)
+    if usable.label_frequency and abs(loop.frequency / usable.label_frequency - 1) > _FREQUENCY_APART:
+        runs.say(
+            "warning",
+            run,
+            f"the displacement runs at {loop.frequency:.4g} Hz but the label says {usable.label_frequency:.4g} Hz: a wrong "
+            "label, or a wrong time base. The measured one is used.",
+            "displacement",
+        )
     runs.loops.append(_replaced(usable, series, loop))
 
 
@@ -242,18 +253,23 @@ def _settled(series: Series, frequency: float) -> int:
         return 0
     turn = np.exp(-2j * np.pi * frequency * series.time)
     inside = cycle < whole
-    number = np.maximum(np.bincount(cycle[inside], minlength=whole), 1)
+    number = np.bincount(cycle[inside], minlength=whole)
+    full = number > 0.8 * np.median(number)  # a gap leaves too little of a cycle to judge it
+    number = np.maximum(number, 1)
 
     def first(values: np.ndarray) -> np.ndarray:
         centred = values - values.mean()
         parts = [np.bincount(cycle[inside], (centred * part)[inside], whole) for part in (turn.real, turn.imag)]
         return np.asarray((parts[0] + 1j * parts[1]) / number)
 
-    stiffness = first(series.F) / first(series.x)
-    later = stiffness[whole // 2 :]
+    motion = first(series.x)
+    stiffness = first(series.F) / np.where(full, motion, 1.0)
+    later = stiffness[whole // 2 :][full[whole // 2 :]]
+    if later.size < 3:
+        return 0
     middle = np.median(later.real) + 1j * np.median(later.imag)
     spread = 1.4826 * float(np.median(np.abs(later - middle)))
-    apart = np.abs(stiffness - middle) > max(5 * spread, 2e-3 * abs(middle))
+    apart = full & (np.abs(stiffness - middle) > max(5 * spread, 2e-3 * abs(middle)))
     leading = int(np.argmin(apart)) if not apart.all() else 0
     return leading if leading <= whole // 2 else 0
 

@@ -36,7 +36,7 @@ def line(extension: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarr
     columns = np.column_stack([extension, np.ones_like(extension)])
     coefficients, *_ = np.linalg.lstsq(columns, force, rcond=None)
     residual = force - columns @ coefficients
-    covariance = np.linalg.inv(columns.T @ columns) * residual @ residual / (force.size - 2)
+    covariance = np.linalg.inv(columns.T @ columns) * (residual @ residual) / (force.size - 2)
     return coefficients, covariance, residual
 
 
