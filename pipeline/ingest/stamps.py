@@ -77,8 +77,8 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str) -> Repair:
             findings.append(
                 QualityFinding(
                     level,  # type: ignore[arg-type]
-                    f"{where}: {counted(int(repeated.sum()), 'row')} repeating the time of the row before "
-                    f"({100 * part:.2g} %, first row {rows[first + 1] + 1} at {time[first]:.9g}), dropped.",
+                    f"{where}: {counted(int(repeated.sum()), 'row')} with the time of the row before "
+                    f"(repeated stamps, {100 * part:.2g} %, first row {rows[first + 1] + 1} at {time[first]:.9g}), dropped.",
                 )
             )
             time, rows = time[stay], rows[stay]

@@ -129,10 +129,10 @@ def test_missing_samples_are_a_note_when_few_and_a_warning_when_many() -> None:
     values = SINE.copy()
     values[77] = np.nan
     one = the_one(values)
-    assert (one.level, "1 sample (0.005 %), at 0.0154 s" in one.message) == ("note", True)
+    assert (one.level, "1 sample (NaN, 0.005 %), at 0.0154 s" in one.message) == ("note", True)
     values[5000:6000] = np.nan
     many = the_one(values, block=3000)
-    assert (many.level, "1001 samples (5 %)" in many.message) == ("warning", True)
+    assert (many.level, "1001 samples (NaN, 5 %)" in many.message) == ("warning", True)
     assert many.span == (0.0154, pytest.approx(T[5999]))
 
 

@@ -55,7 +55,7 @@ def test_isolated_repeated_stamps_lose_the_later_row() -> None:
     sink, stream = passed(stamps)
     np.testing.assert_array_equal(sink.time, TRUE)
     np.testing.assert_array_equal(sink.values("row"), np.delete(np.arange(N + 2.0), [101, 9002]))
-    assert "2 rows repeating the time of the row before" in stream.repairs[0].message
+    assert "2 rows with the time of the row before" in stream.repairs[0].message
     assert "first row 102" in stream.repairs[0].message
 
 

@@ -133,7 +133,7 @@ class ChannelQuality:
         level: Level = "note" if part <= 1e-3 else "warning"
         count = counted(self.missing, "sample")
         place = f"at {self._gone[0]:.6g} s" if self.missing == 1 else f"first at {self._gone[0]:.6g} s"
-        return [self._said(level, f"has no value (NaN) in {count} ({100 * part:.2g} %), {place}.", self._gone)]
+        return [self._said(level, f"has no value in {count} (NaN, {100 * part:.2g} %), {place}.", self._gone)]
 
     def _said_dead(self) -> QualityFinding:
         what = f"is {self._value(self._sum / self.present)} in every sample: a dead channel, or a set value."
