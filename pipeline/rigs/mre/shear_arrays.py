@@ -75,20 +75,19 @@ def _loops(runs: SortedRuns, fit: DynamicFit | None) -> pd.DataFrame:
     for usable in runs.loops[:_LOOPS_KEPT]:
         assert usable.loop is not None
         loop = usable.loop
-        part = {
-            "run": loop.run,
-            "displacement": curve(loop.X, _POINTS),
-            "force": curve(loop.F, _POINTS),
-            "model": _modelled(fit, loop),
-        }
+        model, residual = _modelled(fit, loop)
+        x, F = curve(loop.X, _POINTS), curve(loop.F, _POINTS)
+        part = {"run": loop.run, "displacement": x, "force": F, "model": model, "residual": residual}
         parts.append(pd.DataFrame(part))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
-def _modelled(fit: DynamicFit | None, loop: Loop) -> np.ndarray | float:
+def _modelled(fit: DynamicFit | None, loop: Loop) -> tuple[np.ndarray | float, np.ndarray | float]:
+    """Return one cycle of the model and of the residual, harmonics that are no data (mains) left out of it."""
     if fit is None or all(other.run != loop.run for other in fit.loops):
-        return float("nan")
-    return curve(fit.predicted(loop), _POINTS)
+        return float("nan"), float("nan")
+    F = fit.predicted(loop)
+    return curve(F, _POINTS), curve(np.where(loop.kept, loop.F - F, 0.0), _POINTS)
 
 
 def _samples(runs: SortedRuns) -> pd.DataFrame:

@@ -86,13 +86,13 @@ def _loops(findings: Findings) -> list[Figure]:
     panels, rest = [], []
     for run in shown:
         curve, cloud = loops[loops["run"] == run], samples[samples["run"] == run]
-        x, F, model = (_closed(curve[name].to_numpy()) for name in ("displacement", "force", "model"))
+        x, F, model, missed = (_closed(curve[n].to_numpy()) for n in ("displacement", "force", "model", "residual"))
         marks: list[Mark] = [Points(cloud["displacement"].to_numpy(), cloud["force"].to_numpy(), "measured", "samples")]
         fitted = np.isfinite(model).any()
         marks.append(Line(x, model, "model", "model") if fitted else Line(x, F, "reference", "harmonics"))
         panels.append(Panel(marks, DISPLACEMENT, FORCE, titles.get(run, run)))
         if fitted:
-            rest.append(Panel([Line(x, F - model, "residual"), Rule(y=0.0)], DISPLACEMENT, FORCE, titles.get(run, run)))
+            rest.append(Panel([Line(x, missed, "residual"), Rule(y=0.0)], DISPLACEMENT, FORCE, titles.get(run, run)))
     number = (
         f"{len(shown)} of {len(every)} runs, from the best to the worst met" if len(shown) < len(every) else "every run"
     )
@@ -114,7 +114,7 @@ def _loops(findings: Findings) -> list[Figure]:
             Figure(
                 "loop_residuals",
                 "Residual loops",
-                "What does the model miss? Measured harmonics less model over one cycle; a shape that repeats from run to "
+                "What does the model miss? Measured harmonics less model over one cycle, those on the mains left out; a shape that repeats from run to "
                 "run is the model's fault, one that does not is the run's.",
                 "residual force over displacement, one panel a run",
                 rest,
