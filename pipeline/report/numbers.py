@@ -153,12 +153,12 @@ def aligned_readings(readings: Sequence[Reading | None]) -> list[str]:
     """Write readings of one column: values aligned at the point, and their errors likewise."""
     values = aligned([shown.value if shown else "" for shown in readings])
     errors = aligned([shown.error if shown else "" for shown in readings])
-    widest = max((len(_parts(error)[0]) for error in errors), default=0)
+    whole = [len(_parts(shown.error)[0]) if shown else 0 for shown in readings]
     if not any(errors):
         return values
     written = []
-    for shown, value, error in zip(readings, values, errors, strict=True):
-        lead = _DIGIT_SPACE * (widest - len(_parts(error)[0]))
+    for shown, value, error, digits in zip(readings, values, errors, whole, strict=True):
+        lead = _DIGIT_SPACE * (max(whole) - digits)
         written.append(f"{value} ± {lead}{error}" if shown and shown.error else value)
     return written
 

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.report.words import clean
+
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PREFIXES = (("n", 1e-9), ("µ", 1e-6), ("m", 1e-3), ("", 1.0), ("k", 1e3), ("M", 1e6), ("G", 1e9), ("T", 1e12))
 _PREFIXABLE = {"N", "Pa", "J", "W", "V", "A", "T", "C", "F", "H", "Wb", "Hz", "m", "s", "ohm"}
@@ -57,6 +59,7 @@ def spelt(si_unit: str) -> str:
     """Return a unit as it is printed: ``N s/m`` -> ``N·s/m``, ``m^2`` -> ``m²``, ``1`` -> ````."""
     if si_unit in ("1", ""):
         return ""
+    si_unit = clean(si_unit)
     text = re.sub(r"\^\(?(-?\d+)\)?(?![\d.])", lambda power: power[1].translate(_SUPERSCRIPT), si_unit)
     text = re.sub(r"\bohm\b", "Ω", text)
     return re.sub(r"\s*[*·]\s*|(?<=[^\s/])\s+(?=[^\s/])", "·", text.strip())

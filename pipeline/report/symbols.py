@@ -9,6 +9,8 @@ import re
 
 from markupsafe import Markup, escape
 
+from pipeline.report.words import clean
+
 _GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "varepsilon": "ε", "zeta": "ζ", "eta": "η",
     "theta": "θ", "vartheta": "ϑ", "iota": "ι", "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ",
@@ -130,7 +132,8 @@ def symbol_html(latex: str) -> Markup:
     >>> str(symbol_html(r"\\alpha"))
     '<var>α</var>'
     """
-    text = latex.strip().removeprefix("$").removesuffix("$").strip()
+    latex = clean(latex)
+    text = latex.removeprefix("$").removesuffix("$").strip()
     try:
         return _Symbol(text).row(0)
     except _OddSymbolError:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -150,7 +152,7 @@ def campaign_findings(runs: int = 12) -> Findings:
         ]
         conditions = {"coil_current": c, "frequency": f, "pad_height": 6e-3, "operator": "A. B."}
         told.append(Run(run=at["run"], used=number != 7, reason="the force is clipped" if number == 7 else "",
-                        conditions=conditions, files=[f"datasets/pads/{at['run']}.csv"], sha256=[f"{number:064x}"],
+                        conditions=conditions, files=[f"datasets/pads/{at['run']}.csv"], sha256=[f"{number:012x}" + "0" * 52],
                         duration=4.0, n_samples=20_000,
                         repairs=["repeated time stamps: 3 rows dropped"] if number < 2 else []))  # fmt: skip
     return Findings(
@@ -233,3 +235,13 @@ def make_experiment() -> Callable[[Callable[[Findings], Sequence[Section]]], Exp
 def drawn_figures() -> list[Figure]:
     """One figure of every kind."""
     return figures()
+
+
+@pytest.fixture(scope="session")
+def run_python() -> Callable[[str], str]:
+    """Run code in a fresh interpreter; return what it prints."""
+
+    def run(code: str) -> str:
+        return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+
+    return run

@@ -1,0 +1,271 @@
+"""The report as a page: what stands in it, that it needs nothing else, that nothing from a log becomes markup."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from html.parser import HTMLParser
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from pipeline.findings import Findings, ModelResult, Parameter, Published, Quality, Run
+from pipeline.findings.figures import Axis, Column, Figure, Line, Panel, Section, Table, Text, Value
+from pipeline.report.chapters import chapters
+from pipeline.report.citation import bibtex, citation
+from pipeline.report.index import IndexEntry, index_entry, render_index
+from pipeline.report.page import render_report
+from pipeline.report.table import table_view
+from pipeline.rigs.experiment import Experiment, Reference
+
+HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>'\" & $x$ \x00"
+VOID = {"meta", "link", "br", "hr", "img", "input"}
+
+
+class Page(HTMLParser):
+    """Collects what a page holds and whether its elements close in order."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str]]] = []
+        self.words: list[str] = []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, {name: value or "" for name, value in attrs}))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, {name: value or "" for name, value in attrs}))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open:
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"\s+", " ", "".join(self.words))
+
+    def all(self, tag: str) -> list[dict[str, str]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+@pytest.fixture(scope="module")
+def html(findings: Findings, experiment: Experiment) -> str:
+    return render_report(findings, experiment, "Pads of batch 7", "rigfit run toy.pads a.csv --out out")
+
+
+@pytest.fixture(scope="module")
+def page(html: str) -> Page:
+    return Page(html)
+
+
+def test_the_page_is_well_formed(page):
+    assert page.open == []
+    ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    assert len(ids) == len(set(ids))
+
+
+def test_the_page_needs_nothing_from_outside(page, html):
+    for tag, attributes in page.tags:
+        assert tag not in ("script", "iframe", "object", "embed", "base")
+        for name in ("src", "href", "data", "action"):
+            assert attributes.get(name, "#").startswith(("#", "data:")), (tag, attributes)
+        assert not [name for name in attributes if name.startswith("on")]
+    assert "url(http" not in html
+    assert "@import" not in html
+    assert any("default-src 'none'" in attributes.get("content", "") for attributes in page.all("meta"))
+
+
+def test_the_same_findings_give_the_same_bytes(html, findings, experiment):
+    assert render_report(findings, experiment, "Pads of batch 7", "rigfit run toy.pads a.csv --out out") == html
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "Pads of batch 7", "Campaign pads-2024", "toy.pads", "Warning", "One run of twelve is left out",
+        "12 runs, 11 used", "1 error, 1 warning, 1 note on the data", "60.042", "kN/m", "59.938 … 60.145", "µs",
+        "not determined: no run with field was recorded", "range over 12 operating points", "Add a run at 2 Hz",
+        "Does the model follow every loop?", "Table 1.", "Figure 1.", "selected", "agrees", "does not agree",
+        "cannot be said", "1.25 to 1.31", "the force is clipped", "The same in all runs: pad height 6 mm; operator A. B.",
+        "repeated time stamps: 3 rows dropped", "sh_000, sh_001", "fitted by variable projection",
+        "@article{brancati2019,", "413--432", "rigfit run toy.pads a.csv --out out", "numpy 2.4.6", "ab" * 32,
+        "mains_frequency", "000000000003", "Signature", "Remarks",
+    ],
+)  # fmt: skip
+def test_the_page_says(page, said):
+    assert said in page.text
+
+
+def test_links_of_the_contents_lead_somewhere(page):
+    ids = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
+    links = [attributes["href"][1:] for attributes in page.all("a")]
+    assert len(links) > 8
+    assert set(links) <= ids
+
+
+def test_screen_readers_find_their_way(page):
+    tags = [tag for tag, _ in page.tags]
+    assert page.all("html") == [{"lang": "en"}]
+    assert [tags.count(tag) for tag in ("main", "nav", "h1", "header", "footer")] == [1, 1, 1, 1, 1]
+    pictures = [attributes for attributes in page.all("div") if attributes.get("role") == "img"]
+    assert len(pictures) == len(page.all("figure")) == tags.count("figcaption") == 6
+    assert all(len(attributes["aria-label"]) > 10 for attributes in pictures)
+    assert all(attributes.get("aria-hidden") == "true" for attributes in page.all("svg"))
+    assert tags.count("caption") == tags.count("table")
+    assert all(attributes.get("scope") in ("row", "col") for attributes in page.all("th"))
+    scrolling = [a for a in page.all("div") + page.all("pre") if "scroll" in a.get("class", "").split()]
+    assert all(attributes.get("tabindex") == "0" for attributes in scrolling)
+    headings = [int(tag[1]) for tag in tags if re.fullmatch(r"h[1-6]", tag)]
+    assert headings[0] == 1
+    assert all(later - earlier <= 1 for earlier, later in pairwise(headings))
+
+
+def hostile_findings() -> Findings:
+    return Findings(
+        schema=1, campaign=HOSTILE, experiment=HOSTILE, verdict="rejected", reasons=[HOSTILE], advice=[HOSTILE],
+        parameters=[
+            Parameter(name=HOSTILE, symbol=HOSTILE, value=1.0, unit=HOSTILE, description=HOSTILE, source=HOSTILE),
+            Parameter(name="k1", symbol="k_1", value=None, unit="N/m", description=HOSTILE),
+            Parameter(name="k1", symbol="k_1", value=2.0, unit="N/m", at={HOSTILE: HOSTILE, "run": HOSTILE}),
+        ],
+        models=[ModelResult(name=HOSTILE, selected=True, n_parameters=1, n_data=1, description=HOSTILE)],
+        published=[Published(name=HOSTILE, published=HOSTILE, found=None, unit=HOSTILE, where=HOSTILE, remark=HOSTILE)],
+        quality=[Quality(level="error", run=HOSTILE, channel=HOSTILE, message=HOSTILE)],
+        runs=[Run(run=HOSTILE, used=False, reason=HOSTILE, conditions={HOSTILE: HOSTILE}, files=[HOSTILE],
+                  sha256=[HOSTILE], repairs=[HOSTILE])],
+        settings={HOSTILE: [HOSTILE]}, provenance={HOSTILE: {HOSTILE: HOSTILE}, "logs": {HOSTILE: HOSTILE}, "x": None},
+    )  # fmt: skip
+
+
+def hostile_sections(_: Findings) -> list[Section]:
+    x = np.arange(3.0)
+    panel = Panel([Line(x, x, 1, HOSTILE)], Axis(HOSTILE, "m"), Axis(HOSTILE, "N"), HOSTILE)
+    table = Table(
+        HOSTILE,
+        HOSTILE,
+        HOSTILE,
+        [Column(HOSTILE, "m"), Column(HOSTILE)],
+        [[1.0, HOSTILE], [Value(None, note=HOSTILE), HOSTILE]],
+    )
+    return [Section(HOSTILE, HOSTILE, [Text([HOSTILE]), Figure(HOSTILE, HOSTILE, HOSTILE, HOSTILE, [panel]), table])]
+
+
+def test_nothing_from_a_log_becomes_markup(make_experiment):
+    experiment = replace(make_experiment(hostile_sections), summary=HOSTILE, title=HOSTILE)
+    html = render_report(hostile_findings(), experiment, HOSTILE, HOSTILE)
+    entry = index_entry(hostile_findings(), experiment, HOSTILE, "x/report.html")
+    for text in (html, render_index([entry])):
+        page = Page(text)
+        assert page.open == []
+        assert not page.all("script")
+        assert not page.all("img")
+        assert not [name for _, attributes in page.tags for name in attributes if name.startswith("on")]
+        assert "\x00" not in text
+        assert "<script>alert(1)</script>" in page.text  # shown as it stands
+
+
+def test_empty_findings_make_a_page(make_experiment):
+    bare = Findings(schema=1, campaign="none", experiment="toy.pads", verdict="rejected")
+    page = Page(render_report(bare, make_experiment(lambda _: []), "", ""))
+    assert "None of the numbers that this experiment is made for was identified." in page.text
+    assert "Rejected" in page.text
+
+
+def test_a_thousand_runs_stay_small(make_findings, experiment):
+    html = render_report(make_findings(1000), experiment, "", "rigfit run")
+    assert len(html.encode()) < 5e6
+    assert "800 more rows in findings.json" in html
+    assert "the force is clipped" in html  # runs left out are shown before those that are cut off
+
+
+def test_what_varies_stands_in_one_table_with_the_unit_in_its_heading(findings, experiment):
+    views = {
+        view.name: view
+        for chapter in chapters(findings, experiment, "x")
+        for view in chapter.blocks
+        if view.kind == "table"
+    }
+    view = views["parameters-run-coil_current-frequency"]
+    assert [(re.sub("<.*?>", "", head.text), head.unit) for head in view.heads] == [
+        ("run", ""), ("coil current", "A"), ("frequency", "Hz"), ("K′", "kN/m"), ("η", ""),
+    ]  # fmt: skip
+    assert len(view.rows) == 12
+    assert view.rows[0][3].text.endswith("± 0.31")
+    assert "…" in view.rows[0][3].below
+
+
+def test_figures_and_tables_are_numbered_through(findings, experiment):
+    views = [view for chapter in chapters(findings, experiment, "x") for view in chapter.blocks]
+    for kind in ("figure", "table"):
+        numbers = [view.number for view in views if view.kind == kind]
+        assert numbers == list(range(1, len(numbers) + 1))
+
+
+def test_a_table_takes_any_cell():
+    table = Table("t", "T", "", [Column("a", "m"), Column("b"), Column("n", "1"), Column("c", "Pa")],
+                  [[1e-3, "x", 12000, True], [Value(2e-3, 1e-5), None, 3, None], ["words", "y", None, float("nan")],
+                   [None, "z", 7, 2e6]])  # fmt: skip
+    view = table_view(table)
+    assert [head.unit for head in view.heads] == ["mm", "", "", "MPa"]
+    assert [row[0].text.strip("\u2007\u2008") for row in view.rows] == ["1", "2.000 ± 0.010", "words", "–"]
+    assert [row[2].text for row in view.rows] == ["12\u202f000", "3", "–", "7"]
+    assert [row[3].text for row in view.rows] == ["yes", "–", "–", "2"]
+
+
+def test_short_rows_and_too_many_rows_are_laid_out():
+    view = table_view(Table("t", "T", "", [Column("a"), Column("b")], [["x"]] * 300))
+    assert (len(view.rows), view.left_out) == (200, 100)
+    assert view.rows[0][1].text == "–"
+
+
+def test_references_read_and_paste_well():
+    reference = Reference(
+        "a2020", "A. B. Ünal and C. D", "On 5 % & more", "J. Test", 2020, "3", "1-9", "10.1/x_y", "in print"
+    )
+    assert citation(reference) == "A. B. Ünal and C. D: On 5 % & more. J. Test 3, 1-9 (2020). doi:10.1/x_y. in print."
+    entry = bibtex([reference])
+    assert r"title = {{On 5 \% \& more}}" in entry
+    assert "pages = {1--9}" in entry
+    assert "doi = {10.1/x_y}" in entry
+    assert entry.count("{") == entry.count("}")
+
+
+def test_the_index_survives_a_way_through_json(findings, experiment):
+    entry = index_entry(findings, experiment, "", "pads-2024/report.html")
+    again = IndexEntry(**json.loads(json.dumps(asdict(entry))))
+    assert render_index([again]) == render_index([entry])
+    assert entry.title == experiment.title
+
+
+def test_the_index_shows_every_campaign(findings, experiment):
+    entry = index_entry(findings, experiment, "Pads", "pads-2024/report.html")
+    html = render_index([entry, replace(entry, name="other", verdict="ok", picture="", link="other/report.html")])
+    page = Page(html)
+    assert page.open == []
+    for said in (
+        "2 campaigns · 1 OK · 1 Warning",
+        "pads-2024",
+        "11 of 12 runs used",
+        "60.042 ± 0.052 kN/m",
+        "76 … 228 kN/m",
+    ):
+        assert said in page.text
+    assert [a["href"] for a in page.all("a")[1:]] == ["pads-2024/report.html", "other/report.html"]
+    assert "There is no report yet" in render_index([])
+
+
+def test_the_report_imports_matplotlib_only_to_draw(run_python: Callable[[str], str]):
+    code = "import sys, pipeline.report.page, pipeline.report.index; print('matplotlib' in sys.modules)"
+    assert run_python(code).strip() == "False"
