@@ -92,8 +92,6 @@ class MatlabReader(Reader):
         notes = [QualityFinding("note", text) for text in contents.notes]
         notes += [QualityFinding("note", f"a variable was left out: {text}.") for text in contents.left_out]
         details = {"version": "5" if head.startswith(b"MATLAB 5") else "4", "variables": listing(variables)}
-        if head.startswith(b"MATLAB "):
-            details["header"] = head[:116].decode("latin-1").strip(" \0")
         return RawLog(path, "MATLAB", tables, contents.metadata, details, tuple(notes))
 
 

@@ -14,7 +14,10 @@ from pipeline.ingest.mcap_log.columns import Columns, Path, columns_of
 from pipeline.ingest.mcap_log.encodings.ros_types import DefinitionError
 from pipeline.ingest.mcap_log.records import Schema
 
-_BYTES, _MESSAGE = 12, 10  # google.protobuf.descriptor.FieldDescriptor.TYPE_BYTES, CPPTYPE_MESSAGE
+_BYTES = 12  # google.protobuf.descriptor.FieldDescriptor.TYPE_BYTES
+_VALUE, _OPTIONAL, _LIST, _MAP = range(4)
+# The members of a message type: name, kind, and the type of a member that is a message itself.
+_Type = list[tuple[str, int, "_Type | None"]]
 
 
 class ProtobufDecoder:
@@ -32,6 +35,7 @@ class ProtobufDecoder:
         from mcap_protobuf.decoder import DecoderFactory
 
         self.raw: set[Path] = set()
+        self._types: dict[str, _Type] = {}
         try:
             record = McapSchema(id=schema.id, data=schema.data, encoding="protobuf", name=schema.name)
             parse = DecoderFactory().decoder_for("protobuf", record)
@@ -58,43 +62,53 @@ class ProtobufDecoder:
                     raise
                 good[i] = False
             else:
-                objects.append(self._members(message, ()))
+                objects.append(_members(message, self._type_of(message.DESCRIPTOR, ())))
         return columns_of(objects, wanted), None if good.all() else good
 
-    def _members(self, message: Any, path: Path) -> dict[str, Any]:
-        """Return a message as a dict; a field that is not set and can tell so is None."""
-        found: dict[str, Any] = {}
-        for descriptor in message.DESCRIPTOR.fields:
-            name = descriptor.name
-            if descriptor.type == _BYTES:
-                self.raw.add((*path, name))
-            elif _is_map(descriptor):
-                entries = getattr(message, name)
-                plain = descriptor.message_type.fields_by_name["value"].cpp_type != _MESSAGE
-                found[name] = {
-                    str(key): value if plain else self._members(value, (*path, name)) for key, value in entries.items()
-                }
-            elif _is_repeated(descriptor):
-                values = getattr(message, name)
-                is_message = descriptor.cpp_type == _MESSAGE
-                found[name] = [self._members(v, (*path, name)) for v in values] if is_message else list(values)
-            elif descriptor.has_presence and not message.HasField(name):
-                found[name] = None
-            elif descriptor.cpp_type == _MESSAGE:
-                found[name] = self._members(getattr(message, name), (*path, name))
-            else:
-                found[name] = getattr(message, name)
-        return found
+    def _type_of(self, descriptor: Any, path: Path) -> _Type:
+        """Return how messages of a type are read; asking descriptors for each message would be slow."""
+        known = self._types.get(descriptor.full_name)
+        if known is not None:
+            return known
+        members: _Type = []
+        self._types[descriptor.full_name] = members  # first, since a type may hold itself
+        for field in descriptor.fields:
+            here = (*path, field.name)
+            if field.type == _BYTES:
+                self.raw.add(here)
+                continue
+            kind, of = _VALUE, field.message_type
+            if _is_repeated(field):
+                kind = _LIST
+                if of is not None and of.GetOptions().map_entry:
+                    kind, of = _MAP, of.fields_by_name["value"].message_type
+            elif field.has_presence:
+                kind = _OPTIONAL
+            members.append((field.name, kind, None if of is None else self._type_of(of, here)))
+        return members
 
 
-def _is_repeated(descriptor: Any) -> bool:
-    repeated = getattr(descriptor, "is_repeated", None)
-    return bool(descriptor.label == descriptor.LABEL_REPEATED if repeated is None else repeated)
+def _members(message: Any, of: _Type) -> dict[str, Any]:
+    """Return a message as a dict; a field that is not set and can tell so is None."""
+    found: dict[str, Any] = {}
+    for name, kind, inner in of:
+        if kind == _OPTIONAL and not message.HasField(name):
+            found[name] = None
+            continue
+        value = getattr(message, name)
+        if kind == _LIST:
+            value = list(value) if inner is None else [_members(one, inner) for one in value]
+        elif kind == _MAP:
+            value = {str(key): one if inner is None else _members(one, inner) for key, one in value.items()}
+        elif inner is not None:
+            value = _members(value, inner)
+        found[name] = value
+    return found
 
 
-def _is_map(descriptor: Any) -> bool:
-    kind = descriptor.message_type
-    return bool(kind is not None and kind.GetOptions().map_entry and _is_repeated(descriptor))
+def _is_repeated(field: Any) -> bool:
+    repeated = getattr(field, "is_repeated", None)
+    return bool(field.label == field.LABEL_REPEATED if repeated is None else repeated)
 
 
 def _one_line(error: Exception) -> str:
