@@ -236,7 +236,7 @@ class _Projected:
 
     def residual(self, q: np.ndarray) -> np.ndarray:
         self._solve(q)
-        return self.r
+        return np.asarray(self.r)
 
     def reduced_jacobian(self, q: np.ndarray) -> np.ndarray:
         self._solve(q)

@@ -48,7 +48,7 @@ def turning_value(rho_x: float, C: float, n: float) -> float:
 
 def loss_of_small_loops(alpha: float, rho: float, C: float, n: float, amplitude: float) -> float:
     """Return the work lost per cycle (J) as rho X -> 0: ``4 C alpha rho^(n+1) X^(n+2) / (n + 2)``."""
-    return 4 * C * alpha * rho ** (n + 1) * amplitude ** (n + 2) / (n + 2)
+    return float(4 * C * alpha * rho ** (n + 1) * amplitude ** (n + 2) / (n + 2))
 
 
 def loss_limit_of_large_loops(alpha: float, amplitude: float) -> float:
@@ -96,7 +96,7 @@ def path_through(x: np.ndarray, periodic: bool = False) -> Path:
 
 
 @nb.njit(cache=True)  # type: ignore[untyped-decorator]
-def _sweep(x, on_grid, rho, C, n, w0, with_shape, Z):  # type: ignore[no-untyped-def] # pragma: no cover
+def _sweep(x, on_grid, rho, C, n, w0, with_shape, Z):
     """Carry [w, dw/drho, dw/dC, dw/dn, dw/dw0] along x into the rows of Z; return them at the end."""
     y = np.zeros(5)
     trial = np.zeros(5)
@@ -140,7 +140,7 @@ def _sweep(x, on_grid, rho, C, n, w0, with_shape, Z):  # type: ignore[no-untyped
 
 
 @nb.njit(cache=True)  # type: ignore[untyped-decorator]
-def _steady(x, on_grid, ends, points, rho, C, n):  # type: ignore[no-untyped-def] # pragma: no cover
+def _steady(x, on_grid, ends, points, rho, C, n):
     """Find the periodic w of every closed path by Newton shooting; see `steady_states`."""
     runs = ends.size
     Z = np.zeros((runs, points, 5))

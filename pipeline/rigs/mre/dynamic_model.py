@@ -13,13 +13,15 @@ import numpy as np
 
 from pipeline.rigs.mre.loop import N_F, N_X, Loop, curve
 
-# Which columns get a coefficient per current beside the shared u, x, w (mre.md 3.6, structural objection).
+# Which columns get a coefficient per current beside the shared u, x, w (mre.md 3.6, structural objection);
+# "base" is for runs at one current.
 FIELD_TERMS: Mapping[str, tuple[str, ...]] = {
     "ks": ("x", "v"),
     "ka": ("x", "w"),
     "km": ("x", "u"),
     "k": ("x",),
     "ksa": ("x", "v", "w"),
+    "base": ("v",),
 }
 SHAPE_NAMES = ("tau", "rho", "c_bw", "n_bw")
 # Typical steps of (ln tau, ln rho, C, n, lag).
@@ -40,13 +42,19 @@ class Term:
 
 @dataclass(frozen=True)
 class Layout:
-    """Which coefficients a variant has: `labels` is the current level of each run."""
+    """Which coefficients a variant has.
+
+    `labels` is the current level of each run, `levels` their currents (A). At the `reference` level
+    k_MR is zero by definition (k2 holds it), and s_MR is where there is no field: at 0 A, or where no
+    current is known (`field_at_reference` False).
+    """
 
     variant: str
     labels: tuple[int, ...]
     levels: tuple[float, ...]
     reference: int
     mass: bool = False
+    field_at_reference: bool = False
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -54,6 +62,8 @@ class Layout:
         shared = [Term(column) for column in ("u", "x", "w", *(("m",) if self.mass else ()))]
         present = sorted(set(self.labels) - {self.reference})
         own = [Term(column, level) for level in present for column in FIELD_TERMS[self.variant]]
+        if self.field_at_reference and "v" in FIELD_TERMS[self.variant] and self.reference in self.labels:
+            own.append(Term("v", self.reference))
         return (*shared, *own)
 
 

@@ -15,18 +15,11 @@ from pipeline.estimation.estimate import Estimate, undetermined
 from pipeline.estimation.scatter import Scatter, estimate_scatter, gain_vectors, whitening
 from pipeline.estimation.selection import Candidate, rank
 from pipeline.estimation.separable import RowMap, SeparableFit, fit_separable, multi_start
+from pipeline.rigs.mre.determination import judge
 from pipeline.rigs.mre.dynamic_fit import DynamicFit, VariantFit
 from pipeline.rigs.mre.dynamic_model import SCALE, SHAPE_NAMES, HarmonicModel, Layout, bounds_reached, spread_starts
-from pipeline.rigs.mre.fit_errors import (
-    PHYSICAL_BOUNDS,
-    Key,
-    errors_of_wrong_model,
-    errors_with_scatter,
-    estimates_of,
-    impossible,
-    increment_of,
-    judge,
-)
+from pipeline.rigs.mre.fit_errors import PHYSICAL_BOUNDS, Key, errors_of_wrong_model, errors_with_scatter, increment_of
+from pipeline.rigs.mre.fit_estimates import estimates_of, impossible
 from pipeline.rigs.mre.loop import Loop, group_levels
 
 VARIANTS = ("ks", "ka", "km", "k", "ksa")
@@ -72,20 +65,24 @@ class Identification:
 def identify_loops(loops: Sequence[Loop], options: FitOptions | None = None) -> Identification:
     """Fit every variant that the currents allow and choose by BIC; one loop is enough to be called.
 
+    Loops without a force harmonic clear of the mains are left out.
+
     Raises
     ------
     ValueError
         If there is no loop, or fewer data than parameters.
     """
     options = options or FitOptions()
+    loops = [loop for loop in loops if loop.kept.any()]
     if not loops:
-        raise ValueError("there is no loop to fit")
+        raise ValueError("there is no loop to fit, or all harmonics lie on the mains frequency")
     labels, levels = group_levels([loop.current for loop in loops], options.current_tolerance)
     reference = int(np.argmin(np.abs(levels)))
     loops = [_without_known_mass(loop, options) for loop in loops]
     names = options.variants if len(levels) > 1 else ("base",)
+    field = levels[reference] != 0
     models = [
-        _model(loops, Layout(name, tuple(labels), tuple(levels), reference, options.fit_mass), options)
+        _model(loops, Layout(name, tuple(labels), tuple(levels), reference, options.fit_mass, field), options)
         for name in names
     ]
     starts = spread_starts(max(loop.amplitude for loop in loops), options.starts, options.seed)
@@ -218,12 +215,12 @@ def _finished(
     keys, values, per_natural = _natural(model, fit)
     jacobian = fit.jacobian * per_natural
     bounds = _at_bound(model, fit)
-    held = np.array([key.name in bounds for key in keys])
+    held = np.array([bounds.get(key.name, math.nan) == PHYSICAL_BOUNDS.get(key.name) for key in keys])
     if rejected:
         errors = errors_of_wrong_model(jacobian, fit.residual, groups, fit.dof)
     else:
         errors = errors_with_scatter(jacobian, V, scatter, factor, held)
-    verdict = judge(keys, values, jacobian, factor)
+    verdict = judge(keys, values, jacobian, factor, errors, bounds)
     reference = model.layout.levels[model.layout.reference]
     estimates = (
         *estimates_of(keys, values, errors, verdict, bounds, reference),

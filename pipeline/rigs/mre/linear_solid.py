@@ -22,7 +22,7 @@ def maxwell_harmonics(X: np.ndarray, angular: np.ndarray, tau: float) -> tuple[n
 
 
 @nb.njit(cache=True)  # type: ignore[untyped-decorator]
-def _maxwell(time, x, tau, out):  # type: ignore[no-untyped-def] # pragma: no cover
+def _maxwell(time, x, tau, out):
     u = 0.0
     du = 0.0
     for i in range(x.size - 1):

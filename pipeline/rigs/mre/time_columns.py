@@ -113,7 +113,7 @@ def _after_warm_up(x: np.ndarray) -> np.ndarray:
     path = np.r_[0.0, np.cumsum(np.abs(np.diff(x)))]
     usable = path > _WARM_UP_RANGES * np.ptp(x)
     usable[round(_LONGEST_WARM_UP * usable.size) :] = True
-    return usable
+    return np.asarray(usable)
 
 
 def highest_motion(time: np.ndarray, x: np.ndarray) -> float:

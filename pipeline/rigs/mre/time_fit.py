@@ -16,8 +16,10 @@ from pipeline.estimation.estimate import Estimate
 from pipeline.estimation.selection import Candidate
 from pipeline.estimation.separable import SeparableFit, fit_separable, linear_fit, multi_start
 from pipeline.estimation.uncertainty import effective_size, newey_west
+from pipeline.rigs.mre.determination import judge
 from pipeline.rigs.mre.dynamic_model import SCALE, SHAPE_NAMES, bounds_reached, spread_starts
-from pipeline.rigs.mre.fit_errors import PHYSICAL_BOUNDS, Errors, Key, estimates_of, impossible, judge
+from pipeline.rigs.mre.fit_errors import PHYSICAL_BOUNDS, Errors, Key
+from pipeline.rigs.mre.fit_estimates import estimates_of, impossible
 from pipeline.rigs.mre.time_columns import Record, largest_excursion, livelier_part, segments_of
 from pipeline.rigs.mre.time_model import TimeModel, TimeOptions
 
@@ -158,8 +160,8 @@ def _finished(
     variance = fit.chi2 / max(fit.dof, 1)
     coloured = newey_west(natural, fit.residual)
     errors = Errors(coloured.matrix, np.zeros((len(keys), 0)), 0.0, coloured.dof)
-    verdict = judge(keys, values, natural, variance / fraction)
     bounds = _bounds_reached(model, fit)
+    verdict = judge(keys, values, natural, variance / fraction, errors, bounds)
     sd = np.sqrt(np.diag(errors.covariance))
     measured = model.force[model.usable]
     run_of_row = np.array([model.segments[i].run for i in model.segment_of_row])[model.usable]

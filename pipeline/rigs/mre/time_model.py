@@ -68,7 +68,7 @@ class TimeModel:
         """Return the offset, and with `drift` the straight line, of every segment, shape (rows, columns)."""
         member = self.segment_of_row[:, None] == np.arange(len(self.segments))
         if not self.options.drift:
-            return member.astype(float)
+            return np.asarray(member, dtype=float)
         position = np.concatenate([np.linspace(-1, 1, part.time.size) for part in self.segments])
         return np.hstack([member, member * position[:, None]])
 
@@ -111,7 +111,7 @@ class TimeModel:
     @property
     def data(self) -> np.ndarray:
         """Measured force at the rows."""
-        return self.force[self.rows]
+        return np.asarray(self.force[self.rows])
 
     def add_hum(self, residual: np.ndarray) -> None:
         """Add a sine for every mains line that stands out of the residual (of the usable rows) of a segment."""
