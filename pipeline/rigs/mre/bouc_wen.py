@@ -95,8 +95,10 @@ def path_through(x: np.ndarray, periodic: bool = False) -> Path:
     return Path(np.insert(closed, at, vertex[moved]), np.insert(on_grid, at, -1), x.size)
 
 
-@nb.njit(cache=True)  # type: ignore[untyped-decorator]
-def _sweep(x, on_grid, rho, C, n, w0, with_shape, Z):
+@nb.njit(cache=True)
+def _sweep(
+    x: np.ndarray, on_grid: np.ndarray, rho: float, C: float, n: float, w0: float, with_shape: bool, Z: np.ndarray
+) -> np.ndarray:
     """Carry [w, dw/drho, dw/dC, dw/dn, dw/dw0] along x into the rows of Z; return them at the end."""
     y = np.zeros(5)
     trial = np.zeros(5)
@@ -139,8 +141,10 @@ def _sweep(x, on_grid, rho, C, n, w0, with_shape, Z):
     return y
 
 
-@nb.njit(cache=True)  # type: ignore[untyped-decorator]
-def _steady(x, on_grid, ends, points, rho, C, n):
+@nb.njit(cache=True)
+def _steady(
+    x: np.ndarray, on_grid: np.ndarray, ends: np.ndarray, points: int, rho: float, C: float, n: float
+) -> np.ndarray:
     """Find the periodic w of every closed path by Newton shooting; see `steady_states`."""
     runs = ends.size
     Z = np.zeros((runs, points, 5))

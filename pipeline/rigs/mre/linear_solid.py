@@ -21,8 +21,8 @@ def maxwell_harmonics(X: np.ndarray, angular: np.ndarray, tau: float) -> tuple[n
     return turn / (1 + turn) * X, turn / (1 + turn) ** 2 * X
 
 
-@nb.njit(cache=True)  # type: ignore[untyped-decorator]
-def _maxwell(time, x, tau, out):
+@nb.njit(cache=True)
+def _maxwell(time: np.ndarray, x: np.ndarray, tau: float, out: np.ndarray) -> None:
     u = 0.0
     du = 0.0
     for i in range(x.size - 1):
