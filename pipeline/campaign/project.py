@@ -6,9 +6,6 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedSeq
-
 from pipeline.campaign import yaml_text
 from pipeline.campaign.logs import RUNS_TABLE
 from pipeline.errors import InputError, listing, nearest
@@ -85,15 +82,20 @@ class Project:
         return campaign
 
     def _list(self, name: str) -> None:
+        """Add a line to the list in `params.yaml`; all else in it, comments too, stays as it is."""
         path = self.root / "params.yaml"
-        content = yaml_text.load(path)
-        if not isinstance(content.get("campaigns"), list):
-            content["campaigns"] = CommentedSeq()
-        content["campaigns"].append(name)
-        writer = YAML(typ="rt")
-        writer.indent(mapping=2, sequence=4, offset=2)
-        with whole_or_not(path) as partial, partial.open("w", encoding="utf-8") as file:
-            writer.dump(content, file)
+        listed = yaml_text.load(path).get("campaigns")
+        lines = path.read_text(encoding="utf-8").splitlines()
+        if listed and not listed.fa.flow_style():
+            last = listed.lc.item(len(listed) - 1)[0]
+            lines.insert(last + 1, re.sub(r"-\s*.*", f"- {name}", lines[last], count=1))
+        else:
+            names = ", ".join([*map(str, listed or ()), name])
+            entry = f"campaigns: [{names}]"
+            at = next((i for i, line in enumerate(lines) if re.match(r"campaigns\s*:", line)), None)
+            lines = [*lines, entry] if at is None else [*lines[:at], entry, *lines[at + 1 :]]
+        with whole_or_not(path) as partial:
+            partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 @dataclass(frozen=True)

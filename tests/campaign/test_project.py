@@ -1,0 +1,63 @@
+"""Adding a campaign changes one line of params.yaml and leaves everything else as the user wrote it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.campaign import recipe
+from pipeline.campaign.project import Project
+from pipeline.errors import InputError
+from pipeline.rigs.registry import experiment
+
+SPRING = experiment("spring.pull")
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("campaigns: []\nsynthetic: []\n", "campaigns: [new]\nsynthetic: []\n"),
+        ("campaigns:\nsynthetic: []\n", "campaigns: [new]\nsynthetic: []\n"),
+        ("campaigns: [a, b]  # mine\n", "campaigns: [a, b, new]\n"),
+        (
+            "# top\ncampaigns:\n  - a   # first\n  - b\n# below\nsynthetic:\n  - a\n",
+            "# top\ncampaigns:\n  - a   # first\n  - b\n  - new\n# below\nsynthetic:\n  - a\n",
+        ),
+        ("campaigns:\n- a\n\nother: 1\n", "campaigns:\n- a\n- new\n\nother: 1\n"),
+        ("other: 1\n", "other: 1\ncampaigns: [new]\n"),
+    ],
+)
+def test_a_campaign_is_added_to_the_list(project: Path, before: str, after: str) -> None:
+    (project / "params.yaml").write_text(before)
+    Project(project).add("new", SPRING, "")
+    assert (project / "params.yaml").read_text() == after
+    assert Project(project).campaigns()[-1] == "new"
+
+
+def test_the_recipe_of_a_new_campaign_is_valid_and_explains_every_name(project: Path) -> None:
+    campaign = Project(project).add("new", SPRING, 'Spring "7"')
+    made = recipe.load(campaign.recipe)
+    assert made.title == 'Spring "7"'
+    text = campaign.recipe.read_text()
+    for name in ("extension", "force", "wire_diameter", "largest_extension"):
+        assert name in text
+
+
+def test_the_commented_lines_of_a_new_recipe_are_valid_once_uncommented(project: Path) -> None:
+    campaign = Project(project).add("new", SPRING, "")
+    text = campaign.recipe.read_text().replace("channels: {}\n", "channels:\n").replace("#  force", "  force")
+    campaign.recipe.write_text(text)
+    assert recipe.load(campaign.recipe).channels["force"].channel == "..."
+
+
+@pytest.mark.parametrize("name", ["../up", "a b", "", ".hidden", "a/b", "-x"])
+def test_a_name_that_is_no_folder_name_is_refused(project: Path, name: str) -> None:
+    with pytest.raises(InputError, match="cannot be a campaign's name"):
+        Project(project).add(name, SPRING, "")
+
+
+def test_a_project_is_found_from_a_folder_within(project: Path) -> None:
+    inner = project / "datasets" / "x"
+    inner.mkdir(parents=True)
+    assert Project.around(inner).root == project
