@@ -75,7 +75,7 @@ class SelectedChannel:
             return np.array([f"{value:g}" for value in raw], dtype=object)
         if self.unit == "" or (self.factor == 1.0 and self.offset == 0.0):
             return raw
-        return raw * self.factor + self.offset
+        return raw * self.factor + self.offset if self.offset else raw * self.factor
 
 
 @dataclass(frozen=True)

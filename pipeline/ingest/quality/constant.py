@@ -44,32 +44,28 @@ class ConstantStretches:
             return
         self.n += values.size - old
         begin = max(old - 1, 0)
-        moving = np.flatnonzero(window.steps[begin:]) + begin
-        still = (values.size - 1 - begin) - moving.size
-        self.n_still += still
         if self._open is None:
             self._open = Stretch(1, float(values[0]), window.moment(0), window.moment(0), None)
-        if still == 0:
-            self._close()
-            self._begin(window, values.size - 1, values.size - 1)
-            return
-        if not moving.size:
-            self._open.length += still
+        n_steps = values.size - 1 - begin
+        still = np.flatnonzero(window.steps[begin:] == 0.0)
+        self.n_still += still.size
+        if still.size == n_steps:
+            self._open.length += n_steps
             self._open.end = window.moment(values.size - 1)
             return
-        head = int(moving[0]) - begin
-        if head:
-            self._open.length += head
-            self._open.end = window.moment(int(moving[0]))
+        first, last = _in_succession(still)
+        if first.size and first[0] == 0:
+            self._open.length += int(last[0]) + 1
+            self._open.end = window.moment(begin + int(last[0]) + 1)
         self._close()
-        lengths = np.diff(moving)
-        long = np.flatnonzero(lengths >= SHORTEST)
+        long = np.flatnonzero((last - first + 2 >= SHORTEST) & (first > 0) & (last < n_steps - 1))
         if long.size > _KEPT:
-            long = np.sort(long[np.argsort(lengths[long], kind="stable")[-_KEPT:]])
+            long = np.sort(long[np.argsort((last - first)[long], kind="stable")[-_KEPT:]])
         for at in long.tolist():
-            self._begin(window, int(moving[at]) + 1, int(moving[at + 1]))
+            self._begin(window, begin + int(first[at]), begin + int(last[at]) + 1)
             self._close()
-        self._begin(window, int(moving[-1]) + 1, values.size - 1)
+        tail = int(first[-1]) if first.size and last[-1] == n_steps - 1 else n_steps
+        self._begin(window, begin + tail, values.size - 1)
 
     def finish(self) -> None:
         """Close the stretch that reaches the end of the record."""
@@ -114,3 +110,11 @@ class ConstantStretches:
             return []
         values = [one.value for one in long]
         return sorted((one for one in long if one.stopped and values.count(one.value) == 1), key=lambda one: one.start)
+
+
+def _in_succession(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first and the last of each succession of neighbouring rows (n,)."""
+    if not rows.size:
+        return rows, rows
+    breaks = np.flatnonzero(np.diff(rows) > 1)
+    return rows[np.concatenate(([0], breaks + 1))], rows[np.append(breaks, -1)]

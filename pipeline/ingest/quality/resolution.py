@@ -18,9 +18,11 @@ class Resolution:
     def add(self, values: np.ndarray) -> None:
         """Take the next block of finite values (n,)."""
         middle = max((values.size - _LOOKED_AT) // 2, 0)
-        levels = np.unique(values[middle : middle + _LOOKED_AT])
+        levels = np.sort(values[middle : middle + _LOOKED_AT])
+        rises = np.diff(levels)
+        levels = levels[np.append(True, rises > 0)]
         if levels.size > 1:
-            self._step = min(self._step, float(np.diff(levels).min()))
+            self._step = min(self._step, float(rises[rises > 0].min()))
         if levels.size > self._levels.size:
             self._levels = levels
 
