@@ -132,10 +132,11 @@ def test_times_in_the_message_that_run_on_time_the_samples(tmp_path, unit, facto
 
 def test_times_in_the_message_that_start_anew_count_from_its_stamp(tmp_path):
     offsets = [0.0, 1.0, 2.5, 4.0]
-    _, found = read(tmp_path, [{"time": offsets, "force": [1, 2, 3, 4]} for _ in range(5)], step=5 * MS)
+    rig, found = read(tmp_path, [{"time": offsets, "force": [1, 2, 3, 4]} for _ in range(5)], step=5 * MS)
     expected = [(5 * i + o) * 1e-3 for i in range(5) for o in offsets]
     np.testing.assert_allclose(found["log_time"], expected, rtol=0, atol=1e-9)
     assert "time" not in found
+    np.testing.assert_array_equal(rows(rig, ["log_time"])["log_time"], found["log_time"])
 
 
 def test_one_message_alone_needs_a_rate_or_times(tmp_path):

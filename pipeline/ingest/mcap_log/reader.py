@@ -18,7 +18,8 @@ from pipeline.ingest.mcap_log.batches import Messages
 from pipeline.ingest.mcap_log.declared import is_unit_key
 from pipeline.ingest.mcap_log.fields import Plan, plan
 from pipeline.ingest.mcap_log.layout import Layout, survey_layout
-from pipeline.ingest.mcap_log.table import TopicTable, loss_notes
+from pipeline.ingest.mcap_log.noticed import loss_notes
+from pipeline.ingest.mcap_log.table import TopicTable
 from pipeline.ingest.mcap_log.topics import SUPPORTED, Topic, raw_fields, survey
 from pipeline.ingest.reader import RawLog, Reader
 from pipeline.recording import QualityFinding

@@ -2,36 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pipeline.errors import counted
 from pipeline.ingest.mcap_log import columns as cols
 from pipeline.ingest.mcap_log.batches import Messages
 from pipeline.ingest.mcap_log.columns import Columns, Path, TooManyFieldsError
 from pipeline.ingest.mcap_log.fields import Field, Plan, channel_name, declared_step, sample_counts, values_of
+from pipeline.ingest.mcap_log.noticed import Tally, loss_notes
 from pipeline.ingest.mcap_log.sample_times import SampleClock
 from pipeline.ingest.mcap_log.topics import Topic
 from pipeline.ingest.reader import BLOCK_ROWS, RawChannel, RawTable
-from pipeline.recording import Level, QualityFinding
+from pipeline.recording import QualityFinding
 
 Rows = dict[str, np.ndarray]
-
-
-@dataclass
-class _Tally:
-    """What was noticed in one pass over a topic; times in s, from the start of the log."""
-
-    messages: int = 0
-    malformed: int = 0
-    first_malformed: float | None = None
-    backward: int = 0
-    misfits: dict[str, int] = field(default_factory=dict)
-    unknown: dict[str, float] = field(default_factory=dict)
-    ragged: int = 0
-    too_wide: float | None = None
 
 
 class TopicTable(RawTable):
@@ -57,13 +42,13 @@ class TopicTable(RawTable):
         )
         self._known = {path for field in plan.fields for path in field.paths} | {plan.times or ()}
         self._ignored: set[str] = {part.split(" (")[0] for part in plan.left_out}
-        self._tally = _Tally()
+        self._tally = Tally()
         self._sample_clock = SampleClock()
         self._told_before = frozenset(messages.losses)
 
     def blocks(self, names: Sequence[str] | None = None) -> Iterator[Rows]:
         """Yield the rows in file order; see `RawTable.blocks`."""
-        self._tally = _Tally()
+        self._tally = Tally()
         times = self._plan.times
         unit = self._topic.declared.unit(Field("", (times,))) if times is not None else None
         self._sample_clock = SampleClock(unit)
@@ -73,10 +58,9 @@ class TopicTable(RawTable):
 
     def _wanted(self, fields: Sequence[Field]) -> set[Path]:
         """Return the paths to decode, with all their beginnings; the blocks' lengths are always needed."""
-        needed = [path for field in fields for path in field.paths]
-        needed += [
-            path for field in self._plan.fields if field.is_sample or field is self._plan.step for path in field.paths
-        ]
+        always = [field for field in self._plan.fields if field.is_sample or field is self._plan.step]
+        needed = [path for field in (*fields, *always) for path in field.paths]
+        needed += [self._plan.times] if self._plan.times is not None else []
         return {path[:n] for path in needed for n in range(len(path) + 1)} | {()}
 
     def _rows(self, fields: Sequence[Field], with_time: bool, wanted: set[Path] | None) -> Iterator[Rows]:
@@ -181,55 +165,14 @@ class TopicTable(RawTable):
 
     def notes(self) -> Sequence[QualityFinding]:
         """Return what was noticed in the last pass; see `RawTable.notes`."""
-        told = [QualityFinding(level, f"topic '{self.name}': {text}") for level, text in self._told()]
-        return [*told, *loss_notes(self._messages, self._zero, self._told_before)]
-
-    def _told(self) -> Iterator[tuple[Level, str]]:
-        tally = self._tally
-        if tally.malformed:
-            told = counted(tally.messages + tally.malformed, "message")
-            first = f"{tally.first_malformed:.6g} s" if tally.first_malformed is not None else "the start"
-            yield "warning", f"{tally.malformed} of {told} malformed and left out, the first at {first}."
-        for name, count in tally.misfits.items():
-            told = counted(count, "value")
-            yield "warning", f"'{name}' is a number in most messages but not in {told}, which became NaN."
-        for name, time in tally.unknown.items():
-            told = f"the field '{name}' turned up at about {time:.6g} s only"
-            yield "warning", f"{told}, was in none of the messages looked at before, and was left out."
-        if tally.too_wide is not None:
-            yield "warning", f"messages from {tally.too_wide:.6g} s on have thousands of fields and were left out."
-        if tally.ragged:
-            told = counted(tally.ragged, "list")
-            yield "warning", f"{told} shorter than others of the same message, filled up with NaN."
-        if tally.backward:
-            told = counted(tally.backward, "message")
-            yield "note", f"{told} logged after a later one; the rows are in the order of the file."
-        if self._sample_clock.gaps:
-            told = counted(self._sample_clock.gaps, "block")
-            yield "note", f"{told} of samples followed by a gap, timed with the step of the block before."
-        if self._clock is None and self._plan.has_blocks and tally.messages == 1:
-            yield "note", "one message alone holds a block of samples, and nothing in it tells their rate."
-        elif self._clock is None:
-            yield "note", "all messages bear the same time stamp, so it cannot serve as the time."
+        told = list(self._tally.told(self._clock is not None, self._plan.has_blocks, self._sample_clock.gaps))
+        notes = [QualityFinding(level, f"topic '{self.name}': {text}") for level, text in told]
+        return [*notes, *loss_notes(self._messages, self._zero, self._told_before)]
 
 
 def _second(stamp: Field) -> Field:
     """Return the nanoseconds of a stamp as a field."""
     return Field(stamp.name, stamp.paths[1:])
-
-
-def loss_notes(messages: Messages, zero: int, told_before: Collection[int] = ()) -> list[QualityFinding]:
-    """Return what could not be used of chunks; `zero` (ns) is second zero, `told_before` are offsets."""
-    notes = []
-    for loss in messages.losses.values():
-        if loss.offset in told_before:
-            continue
-        span = ((loss.start_time - zero) / 1e9, (loss.end_time - zero) / 1e9) if loss.start_time >= zero else None
-        when = f" ({span[0]:.6g} s to {span[1]:.6g} s)" if span else ""
-        how = "left out" if loss.left_out else "read in part"
-        text = f"a chunk at byte {loss.offset}{when} was {how}: {loss.reason}."
-        notes.append(QualityFinding("warning", text, span=span))
-    return notes
 
 
 def _in_blocks(parts: Iterator[Rows]) -> Iterator[Rows]:

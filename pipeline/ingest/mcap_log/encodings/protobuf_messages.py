@@ -81,6 +81,8 @@ class ProtobufDecoder:
             if _is_repeated(field):
                 kind = _LIST
                 if of is not None and of.GetOptions().map_entry:
+                    if "value" not in of.fields_by_name:
+                        continue  # a damaged description
                     kind, of = _MAP, of.fields_by_name["value"].message_type
             elif field.has_presence:
                 kind = _OPTIONAL
