@@ -5,6 +5,7 @@ A run that cannot be used is left out with the reason; what is odd about one tha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -14,30 +15,17 @@ from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.loop import Loop, Pads, curve, fit_loop, loop_metrics
 from pipeline.rigs.mre.shear import ShearSettings
+from pipeline.rigs.mre.shear_samples import Series, UnfitError, clipping, samples_of
 from pipeline.signals.periodicity import Excitation, classify
 
-_FEWEST = 20  # samples of both channels
-# A flat top of clipping lasts longer than the roundest sine stays within one step of its peak.
-_FLAT_SHARE, _FLAT_SAMPLES = 0.02, 6
-_STUCK_SHARE = 0.1
 # Measured against set current: what counts as another level.
 _CURRENT_APART = 0.1
 _FREQUENCY_APART = 0.03
+# Standard errors that the fundamental of the force must exceed.
+_FOLLOWS = 10.0
+# A stiffness this many times that of the other runs is no gain error: a unit is wrong.
+_UNIT_FACTOR = 100.0
 _OFFSET_SAID, _ASYMMETRY_SAID, _DRIFT_SAID = 0.05, 0.05, 0.05
-
-
-@dataclass(frozen=True, eq=False)
-class Series:
-    """Valid samples of one run: time (s), displacement (m), force (N), shape (n,) each."""
-
-    time: np.ndarray
-    x: np.ndarray
-    F: np.ndarray
-
-    def between(self, start: float, end: float) -> Series:
-        """Return the samples from `start` to `end` (s)."""
-        inside = (self.time >= start) & (self.time <= end)
-        return Series(self.time[inside], self.x[inside], self.F[inside])
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,16 +83,42 @@ def sort_runs(recordings: Sequence[Recording], settings: ShearSettings) -> Sorte
         if hashes:
             seen[hashes] = recording.run
         _sort_one(recording, settings, runs)
+    _other_units(runs)
     return runs
+
+
+def _other_units(runs: SortedRuns) -> None:
+    """Leave out loops whose stiffness is a power of ten or more away from that of the others."""
+    stiffness = {u.run: abs(u.loop.F[0] / u.loop.X[0]) for u in runs.loops if u.loop is not None}
+    if len(stiffness) < 3:
+        return
+    middle = float(np.median(list(stiffness.values())))
+    for usable in [u for u in runs.loops if not 1 / _UNIT_FACTOR < stiffness[u.run] / middle < _UNIT_FACTOR]:
+        assert usable.loop is not None
+        ratio = stiffness[usable.run] / middle
+        theirs = [u.loop.amplitude for u in runs.loops if u.loop is not None and u.run != usable.run]
+        moved = usable.loop.amplitude / float(np.median(theirs))
+        channel = "displacement" if not 1 / 30 < moved < 30 else "force"
+        factor = moved if channel == "displacement" else ratio
+        likely = {("displacement", True): "mm taken as m", ("displacement", False): "m taken as mm",
+                  ("force", True): "N taken as kN", ("force", False): "kN taken as N"}[channel, factor > 1]  # fmt: skip
+        runs.loops.remove(usable)
+        runs.leave_out(
+            usable.run,
+            f"its stiffness is {ratio:.2g} times that of the other runs and its {channel} about "
+            f"{10.0 ** round(math.log10(factor)):g} times theirs: most likely {likely}. Nothing is corrected silently: give the unit in the recipe or in the log",
+            channel,
+        )
 
 
 def _sort_one(recording: Recording, settings: ShearSettings, runs: SortedRuns) -> None:
     run = recording.run
-    series = _series(recording, runs)
-    if series is None:
-        return
     try:
+        series = samples_of(recording, runs.quality.append)
         excitation = classify(series.time, series.x)
+    except UnfitError as error:
+        runs.leave_out(run, str(error), error.channel)
+        return
     except InputError as error:
         runs.leave_out(run, str(error))
         return
@@ -146,54 +160,15 @@ def _replaced(usable: UsableRun, series: Series, loop: Loop | None) -> UsableRun
     return replace(usable, series=series, loop=loop)
 
 
-def _series(recording: Recording, runs: SortedRuns) -> Series | None:
-    """Return the samples where both channels have a value; None where the run must be left out."""
-    run = recording.run
-    time, x = recording.signal("displacement")
-    force_time, F = recording.signal("force")
-    if recording.stream_of("displacement") is not recording.stream_of("force"):
-        inside = (time >= force_time[0]) & (time <= force_time[-1]) if force_time.size else np.zeros(time.size, bool)
-        time, x = time[inside], x[inside]
-        F = np.interp(time, force_time, F) if force_time.size else F[:0]
-        runs.say("note", run, "force and displacement have clocks of their own; force was interpolated.", "force")
-    valid = np.isfinite(x) & np.isfinite(F)
-    if valid.sum() < _FEWEST:
-        runs.leave_out(run, f"{int(valid.sum())} samples with displacement and force; {_FEWEST} are needed")
-        return None
-    time, x, F = time[valid], x[valid], F[valid]
-    for name, values in (("displacement", x), ("force", F)):
-        if np.ptp(values) == 0:
-            runs.leave_out(run, f"the channel {name} is dead: every sample is {values[0]:.6g}", name)
-            return None
-    stuck = _longest_constant(F)
-    if stuck > max(_STUCK_SHARE * F.size, 50) and np.ptp(x) > 0:
-        runs.leave_out(run, f"the force is stuck for {100 * stuck / F.size:.0f} % of the record", "force")
-        return None
-    flat = max(_longest_at(F, F.max()), _longest_at(F, F.min()))
-    share = (np.count_nonzero(F.max() == F) + np.count_nonzero(F.min() == F)) / F.size
-    if flat >= _FLAT_SAMPLES and share > _FLAT_SHARE:
-        side = F.max() if np.count_nonzero(F.max() == F) >= np.count_nonzero(F.min() == F) else F.min()
-        runs.leave_out(
-            run, f"the force is clipped: {100 * share:.1f} % of its samples are flat at {side:.5g} N", "force"
-        )
-        return None
-    return Series(time, x, F)
-
-
-def _longest_constant(values: np.ndarray) -> int:
-    edges = np.flatnonzero(np.diff(values) != 0)
-    return int(np.max(np.diff(np.r_[-1, edges, values.size - 1])))
-
-
-def _longest_at(values: np.ndarray, level: float) -> int:
-    there = np.r_[False, values == level, False].astype(int)
-    edges = np.flatnonzero(np.diff(there))
-    return int(np.max(edges[1::2] - edges[::2])) if edges.size else 0
-
-
 def _as_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> None:
     assert usable.excitation.steady is not None
     run = usable.run
+    clipped = clipping(usable.series.x)
+    if clipped is not None:
+        level, share = clipped
+        reason = f"the displacement is clipped: {100 * share:.1f} % of its samples are flat at {level:.5g} m"
+        runs.leave_out(run, reason, "displacement")
+        return
     series = usable.series.between(*usable.excitation.steady)
     frequency = usable.excitation.frequency
     assert frequency is not None
@@ -214,6 +189,14 @@ def _as_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
         )
     except InputError as error:
         runs.leave_out(run, str(error))
+        return
+    if abs(loop.F[0]) < _FOLLOWS * loop.sd_f[0]:
+        runs.leave_out(
+            run,
+            f"the force does not follow the displacement: at {loop.frequency:.4g} Hz it holds {abs(loop.F[0]):.2g} N, no "
+            "more than its noise. A loose cable, or the wrong channel",
+            "force",
+        )
         return
     area = next(e for e in loop_metrics(loop) if e.name == "loop_area")
     assert area.value is not None

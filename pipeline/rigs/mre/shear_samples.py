@@ -1,0 +1,130 @@
+"""Displacement and force of one run as samples fit to use, or why they are not (mre.md section 8).
+
+Looks at samples only: dead, stuck, clipped channels and lone spikes. What the loop tells is
+`shear_runs`' business.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.recording import QualityFinding, Recording
+
+_FEWEST = 20  # samples of both channels
+_STUCK_SHARE, _STUCK_SAMPLES = 0.1, 50
+# Of a rounded top the highest step of the converter holds at most three times as many samples as the mean of
+# the next three below it: clipping is more than that, and more than these.
+_FLAT_SHARE, _FLAT_SAMPLES, _FLAT_CROWDED = 0.02, 6, 6.0
+# A spike is at most this many samples long, this many sigma and this share of the range high.
+_SPIKE_SAMPLES, _SPIKE_SIGMA, _SPIKE_SHARE = 2, 10.0, 0.1
+
+
+class UnfitError(Exception):
+    """The run cannot be used: the reason, and the channel that it lies in."""
+
+    def __init__(self, reason: str, channel: str | None = None) -> None:
+        super().__init__(reason)
+        self.channel = channel
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Valid samples of one run: time (s), displacement (m), force (N), shape (n,) each."""
+
+    time: np.ndarray
+    x: np.ndarray
+    F: np.ndarray
+
+    def between(self, start: float, end: float) -> Series:
+        """Return the samples from `start` to `end` (s)."""
+        return self._where((self.time >= start) & (self.time <= end))
+
+    def _where(self, kept: np.ndarray) -> Series:
+        return Series(self.time[kept], self.x[kept], self.F[kept])
+
+    def without_spikes(self) -> tuple[Series, dict[str, int]]:
+        """Return the series without lone wild samples, and how many there were in each channel."""
+        wild = {"displacement": _spikes(self.x), "force": _spikes(self.F)}
+        counts = {name: int(there.sum()) for name, there in wild.items() if there.any()}
+        return self._where(~(wild["displacement"] | wild["force"])), counts
+
+
+def samples_of(recording: Recording, say: Callable[[QualityFinding], None]) -> Series:
+    """Return the samples where displacement and force have a value; what is mended is said.
+
+    Raises
+    ------
+    UnfitError
+        If a channel is dead, stuck or clipped, or too little is left.
+    """
+    run = recording.run
+    time, x = recording.signal("displacement")
+    force_time, F = recording.signal("force")
+    if recording.stream_of("displacement") is not recording.stream_of("force"):
+        inside = (time >= force_time[0]) & (time <= force_time[-1]) if force_time.size else np.zeros(time.size, bool)
+        time, x = time[inside], x[inside]
+        F = np.interp(time, force_time, F) if force_time.size else F[:0]
+        message = "force and displacement have clocks of their own; force was interpolated."
+        say(QualityFinding("note", message, run, "force"))
+    for name, values in (("displacement", x), ("force", F)):
+        if values.size and not np.isfinite(values).any():
+            raise UnfitError(f"the channel {name} holds no number", name)
+    valid = np.isfinite(x) & np.isfinite(F)
+    if valid.sum() < _FEWEST:
+        raise UnfitError(f"only {int(valid.sum())} samples have both displacement and force; {_FEWEST} are needed")
+    series = Series(time[valid], x[valid], F[valid])
+    for name, values in (("displacement", series.x), ("force", series.F)):
+        if np.ptp(values) == 0:
+            raise UnfitError(f"the channel {name} is dead: every sample is {values[0]:.6g}", name)
+    stuck = _longest(np.diff(series.F) == 0) + 1
+    if stuck > max(_STUCK_SHARE * series.F.size, _STUCK_SAMPLES):
+        raise UnfitError(f"the force is stuck for {100 * stuck / series.F.size:.0f} % of the record", "force")
+    clipped = clipping(series.F)
+    if clipped is not None:
+        level, share = clipped
+        raise UnfitError(f"the force is clipped: {100 * share:.1f} % of its samples are flat at {level:.5g} N", "force")
+    series, counts = series.without_spikes()
+    for name, count in counts.items():
+        message = f"{count} lone wild sample{'s' if count > 1 else ''} of {name} left out."
+        say(QualityFinding("note", message, run, name))
+    return series
+
+
+def clipping(values: np.ndarray) -> tuple[float, float] | None:
+    """Return level and share of samples of the flattened side of a clipped signal, None where it is not.
+
+    The extreme value must repeat, in a row and far more often than the levels next to it: a coarse
+    converter repeats the top of a sine as well, but its next steps too.
+    """
+    found = None
+    for side in (1.0, -1.0):
+        levels, counts = np.unique(side * values, return_counts=True)
+        share = float(counts[-1] / values.size)
+        crowded = counts[-1] > _FLAT_CROWDED * max(float(counts[-4:-1].mean()), 1.0) if levels.size > 4 else False
+        flat = _longest(side * values == levels[-1])
+        if crowded and flat >= _FLAT_SAMPLES and share > _FLAT_SHARE and (found is None or share > found[1]):
+            found = (float(side * levels[-1]), share)
+    return found
+
+
+def _longest(there: np.ndarray) -> int:
+    """Return the length of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.r_[False, there, False].astype(int)))
+    return int(np.max(edges[1::2] - edges[::2])) if edges.size else 0
+
+
+def _spikes(values: np.ndarray) -> np.ndarray:
+    """Tell lone samples that stand far off the running median of five, shape of `values`."""
+    if values.size < 100:
+        return np.zeros(values.size, dtype=bool)
+    padded = np.r_[values[1], values[0], values, values[-1], values[-2]]
+    off = np.abs(values - np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
+    low, high = np.quantile(values, [0.02, 0.98])
+    spread = 1.4826 * float(np.median(np.abs(np.diff(values)))) / np.sqrt(2)
+    wild = off > max(_SPIKE_SIGMA * spread, _SPIKE_SHARE * float(high - low))
+    # A turning point between few samples, or a steep step, stands off on more of them.
+    longest = _longest(wild)
+    return np.asarray(wild) if 0 < longest <= _SPIKE_SAMPLES and wild.mean() < 0.01 else np.zeros(values.size, bool)
