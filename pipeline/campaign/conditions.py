@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from pipeline.campaign.recipe import Recipe
     from pipeline.campaign.runs_table import RunsTable
 
+# What the logs of synthetic rigs say of themselves, whatever the experiment.
+SYNTHETIC = ConditionSpec("synthetic", "", "true where a synthetic rig made the log: nothing was measured")
+
 HEADING = re.compile(r"^\s*(.*?)\s*(?:[\[(]\s*([^\])]*)\s*[\])])?\s*$")
 _TRUE, _FALSE = {"true", "yes", "ja", "oui", "on"}, {"false", "no", "nein", "non", "off"}
 
@@ -52,7 +55,7 @@ def of_run(
         If a value cannot be read, or a required condition is given nowhere; the text then shows all
         four ways to give it.
     """
-    specs = recipe.experiment.conditions
+    specs = (*recipe.experiment.conditions, SYNTHETIC)
     notes: list[QualityFinding] = []
     places = [
         ("runs.csv", table.conditions(run) if table else {}),

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import __version__
+from pipeline.campaign.conditions import SYNTHETIC
 from pipeline.campaign.ingest_stage import Ingested
 from pipeline.campaign.recipe import Recipe
 from pipeline.errors import InputError
@@ -38,6 +39,10 @@ def identify(campaign: str, recipe: Recipe, ingested: Ingested, uses: Mapping[st
     noticed = [*ingested.quality, *(finding for recording in recordings for finding in _of_run(recording))]
     quality = _merged([*(_quality(finding) for finding in noticed), *found.quality])
     verdict, reasons = _with_quality(found, quality)
+    made_up = sum(recording.conditions.get(SYNTHETIC.name) is True for recording in recordings)
+    if made_up:
+        which = "All" if made_up == len(recordings) else f"{made_up} of the {len(recordings)}"
+        reasons = [f"{which} logs come from a synthetic rig: nothing in them was measured.", *reasons]
     findings = found.model_copy(
         update={
             "campaign": campaign,

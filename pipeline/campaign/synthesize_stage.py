@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
+from pipeline.campaign.conditions import SYNTHETIC
 from pipeline.campaign.recipe import Recipe
 from pipeline.ingest.delimited.writer import write_csv
 from pipeline.ingest.mcap_log import writer as mcap_writer
@@ -20,6 +22,7 @@ def synthesize(recipe: Recipe, folder: Path, seed: int) -> list[Path]:
     formats = recipe.synthetic.formats
     names = []
     for number, recording in enumerate(recordings):
+        recording = replace(recording, conditions={**recording.conditions, SYNTHETIC.name: True})
         kind = formats[number % len(formats)]
         path = fresh / f"{recording.run}.{kind}"
         if kind == "csv":

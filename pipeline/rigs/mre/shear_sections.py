@@ -208,17 +208,19 @@ def _metrics(findings: Findings) -> list[Figure | Table]:
     runs = runs[runs["stiffness_secant"].notna()].copy()
     runs["level"] = [_level(value) for value in runs["current"].astype(float)]
     blocks: list[Figure | Table] = []
-    if len(runs) > 2:
+    fitted = runs[runs["chi2_reduced"].notna()] if "chi2_reduced" in runs else runs  # of one preload
+    if len(fitted) > 2:
         for over, label, unit in (("frequency", "frequency", "Hz"), ("amplitude", "amplitude", "m")):
-            if runs[over].max() > 1.05 * runs[over].min():
-                blocks.append(_against(findings, runs, over, Axis(label, unit)))
+            if fitted[over].max() > 1.05 * fitted[over].min():
+                blocks.append(_against(findings, fitted, over, Axis(label, unit)))
     blocks.append(_metrics_table(findings, runs))
     return blocks
 
 
 def _against(findings: Findings, runs: pd.DataFrame, over: str, axis: Axis) -> Figure:
     lines = findings.arrays.get("model_lines")
-    levels = sorted(runs["current"].dropna().unique().round(1)) or [None]
+    known = sorted({round(float(value), 1) for value in runs["current"].dropna()})
+    levels: list[float | None] = [*known] or [None]
     panels = []
     for name, y in METRICS.items():
         marks: list[Points | Line] = []
@@ -403,23 +405,23 @@ def _runs(findings: Findings) -> list[Table]:
     used = table[table["chi2_reduced"].notna()].head(200)
     columns = [
         Column("run"),
-        Column("misfit of the force", "1"),
+        Column("misfit of the force in %"),
         Column("chi2 per datum"),
-        Column("gain against the model", "1"),
+        Column("gain against the model in %"),
     ]
     predicted = "prediction_nrmse" in used and used["prediction_nrmse"].notna().any()
     if predicted:
-        columns.append(Column("misfit when predicted by the others", "1"))
+        columns.append(Column("misfit in % when predicted by the others"))
     rows = []
     for row in used.to_dict("records"):
         cells: list[str | float | None] = [
             row["run"],
-            _three(row["nrmse"]),
+            _percent(row["nrmse"]),
             f"{row['chi2_reduced']:.3g}",
-            _three(row["gain"]),
+            _percent(row["gain"]),
         ]
         if predicted:
-            cells.append(_three(row["prediction_nrmse"]))
+            cells.append(_percent(row["prediction_nrmse"]))
         rows.append(cells)
     return [
         Table(
@@ -433,5 +435,5 @@ def _runs(findings: Findings) -> list[Table]:
     ]
 
 
-def _three(value: float) -> float | None:
-    return None if value is None or not np.isfinite(value) else float(f"{value:.3g}")
+def _percent(value: float | None) -> str:
+    return "" if value is None or not np.isfinite(value) else f"{100 * value:.3g}"
