@@ -5,24 +5,22 @@ from __future__ import annotations
 import glob
 import re
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from pipeline import __version__
 from pipeline.errors import InputError, listing
-from pipeline.ingest.mapping import ChannelMap, SelectedChannel, Selection, Source, resolve
+from pipeline.ingest.mapping import ChannelMap, Selection, Source, resolve
 from pipeline.ingest.naming import ChannelLike
-from pipeline.ingest.quality import StreamQuality, of_run
+from pipeline.ingest.passage import Passage
+from pipeline.ingest.quality import of_run
 from pipeline.ingest.registry import open_log, reader_for
 from pipeline.ingest.stream import StreamInSI
 from pipeline.ingest.timebase import align, find_times
 from pipeline.recording import Condition, Provenance, QualityFinding, Recording, SourceFile
 from pipeline.recording.storage import (
-    StreamWriter,
     add_quality,
     description,
     file_names,
@@ -91,6 +89,8 @@ def ingest_run(
     targets = file_names(run, [selection.source.stream for selection in selections])
     _clear(folder, run, list(targets.values()))
     with ExitStack() as stack:
+        hashing = stack.enter_context(ThreadPoolExecutor(1))
+        hashes = [hashing.submit(sha256_of, path) for _, path in files]
         partials = [stack.enter_context(whole_or_not(folder / name)) for name in targets.values()]
         passages = [
             stack.enter_context(Passage(selection.channels, path))
@@ -98,18 +98,20 @@ def ingest_run(
         ]
         for stream, passage in zip(streams, passages, strict=True):
             stream.pass_to(passage)
-        recording = Recording(
-            run,
-            {},
-            conditions,
-            tuple(of_run([*notes, *_findings(sources, streams, passages)], run)),
-            Provenance(
-                tuple(_source_file(stream, path, shown, streams) for stream, path in files),
-                (*origin, *_repairs(streams), *_left_out(sources, streams)),
-                condition_sources,
-                __version__,
+            passage.quality.finish()
+            _refuse_empty_channels(stream, passage)
+        quality = of_run([*notes, *_findings(sources, streams, passages)], run)
+        repairs = [repair.message for stream in streams for repair in stream.repairs]
+        provenance = Provenance(
+            tuple(
+                _source_file(stream, path, digest.result(), shown, streams)
+                for (stream, path), digest in zip(files, hashes, strict=True)
             ),
+            (*origin, *repairs, *_left_out(sources, streams)),
+            condition_sources,
+            __version__,
         )
+        recording = Recording(run, {}, conditions, tuple(quality), provenance)
         for passage, selection in zip(passages, selections, strict=True):
             passage.close(description(recording, selection.source.stream))
         found = check(read(partials, lazily=True)) if check else ()
@@ -136,80 +138,25 @@ def opened(files: Sequence[tuple[str, Path]], shown: Mapping[str, str] | None = 
     return sources
 
 
-class Passage:
-    """Takes the blocks of a stream through its checks and, where there is a path, into its file.
-
-    A block is written in the background while it is checked and the next one is read.
-    """
-
-    def __init__(self, channels: Sequence[SelectedChannel], path: Path | None = None) -> None:
-        self._channels, self._path = channels, path
-        self._writer: StreamWriter | None = None
-        self._background = ThreadPoolExecutor(1)
-        self._writing: Future[None] | None = None
-        self.restart()
-
-    def __enter__(self) -> Passage:
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        self._background.shutdown()
-        if self._writer is not None:
-            self._writer.abandon()
-
-    def restart(self) -> None:
-        """Begin anew."""
-        if self._writer is not None:
-            self._written()
-            self._writer.abandon()
-        self.quality = StreamQuality(self._channels)
-        if self._path is not None:
-            self._writer = StreamWriter(self._path, {channel.name: channel.unit for channel in self._channels})
-
-    def add(self, time: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
-        """Take the next block."""
-        if self._writer is not None:
-            self._written()
-            self._writing = self._background.submit(self._writer.add, time, columns)
-        self.quality.add(time, columns)
-
-    def close(self, about: Mapping[str, object]) -> None:
-        """Finish the file."""
-        if self._writer is not None:
-            self._written()
-            self._writer.close(about)
-        self._writer = None
-
-    def _written(self) -> None:
-        """Wait for the block that is being written."""
-        if self._writing is not None:
-            self._writing.result()
-        self._writing = None
-
-
 def _findings(
     sources: Sequence[Source], streams: Sequence[StreamInSI], passages: Sequence[Passage]
 ) -> list[QualityFinding]:
-    """Gather what was found on the way; raise where a needed channel has no value at all."""
-    found: list[QualityFinding] = []
-    logs = {id(source.log): source for source in sources}
-    for source in logs.values():
-        found += source.log.notes
+    """Gather what was found on the way: in the logs, in their tables, in the signals."""
+    logs = {id(source.log): source.log for source in sources}
+    found = [note for log in logs.values() for note in log.notes]
     for stream, passage in zip(streams, passages, strict=True):
-        passage.quality.finish()
-        for channel in passage.quality.empty_channels():
-            if channel.required:
-                raise InputError(
-                    f"{stream.selection.source.where}, channel '{channel.raw.name}': holds no number in any of "
-                    f"{passage.quality.sampling.n} rows; '{channel.name}' needs numbers. Check the sensor and the "
-                    "export, or name another channel in the recipe."
-                )
         found += [*stream.notes(passage.quality.sampling.step), *passage.quality.findings()]
     return found
 
 
-def _repairs(streams: Sequence[StreamInSI]) -> list[str]:
-    return [repair.message for stream in streams for repair in stream.repairs]
+def _refuse_empty_channels(stream: StreamInSI, passage: Passage) -> None:
+    for channel in passage.quality.empty_channels():
+        if channel.required:
+            raise InputError(
+                f"{stream.selection.source.where}, channel '{channel.raw.name}': holds no number in any of "
+                f"{passage.quality.sampling.n} rows; '{channel.name}' needs numbers. Check the sensor and the export, "
+                "or name another channel in the recipe."
+            )
 
 
 def _left_out(sources: Sequence[Source], streams: Sequence[StreamInSI]) -> list[str]:
@@ -225,20 +172,17 @@ def _left_out(sources: Sequence[Source], streams: Sequence[StreamInSI]) -> list[
     return said
 
 
-def _source_file(stream: str, path: Path, shown: Mapping[str, str] | None, streams: Sequence[StreamInSI]) -> SourceFile:
-    reader = reader_for(path)
+def _source_file(
+    stream: str, path: Path, digest: str, shown: Mapping[str, str] | None, streams: Sequence[StreamInSI]
+) -> SourceFile:
     units: dict[str, str] = {}
     for one in streams:
         if one.selection.source.log.path == path:
             units.update({"time": one.time.unit} if one.time.channel is not None else {})
             units.update({channel.name: channel.taken_as for channel in one.selection.channels if channel.unit})
-    return SourceFile(
-        (shown or {}).get(stream, path.name),
-        sha256_of(path),
-        path.stat().st_size,
-        f"{reader.name} {reader.version}",
-        units,
-    )
+    reader = reader_for(path)
+    name = (shown or {}).get(stream, path.name)
+    return SourceFile(name, digest, path.stat().st_size, f"{reader.name} {reader.version}", units)
 
 
 def _named(selections: Sequence[Selection]) -> list[Selection]:

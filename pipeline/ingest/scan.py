@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.ingest.ingest import Passage, opened
+from pipeline.ingest.ingest import opened
 from pipeline.ingest.mapping import ChannelMap, SelectedChannel, Selection, Source, resolve
 from pipeline.ingest.naming import ChannelLike
+from pipeline.ingest.passage import Passage
 from pipeline.ingest.quality import StreamSummary
 from pipeline.ingest.reader import RawChannel, RawLog
 from pipeline.ingest.stream import StreamInSI
