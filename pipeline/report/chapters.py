@@ -90,8 +90,8 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
         Chapter("key", "The numbers that matter", list(numbers.given(_key(findings, experiment)))),
         Chapter("advice", "What to do next", [Listed(findings.advice)] if findings.advice else []),
     ]
-    for section in experiment.sections(findings):
-        made.append(Chapter(_anchor(section), clean(section.title), list(numbers.given(_section(section)))))
+    for place, section in enumerate(experiment.sections(findings), 1):
+        made.append(Chapter(_anchor(section, place), clean(section.title), list(numbers.given(_section(section)))))
     tail: list[tuple[str, str, list[Block | Figure]]] = [
         ("models", "Models compared", [models_table(findings.models)] if findings.models else []),
         ("published", "Published values", [published_table(findings.published)] if findings.published else []),
@@ -121,8 +121,8 @@ class _Numbers:
                 yield block
 
 
-def _anchor(section: Section) -> str:
-    return "evidence-" + (re.sub(r"[^a-z0-9]+", "-", section.name.lower()).strip("-") or "section")
+def _anchor(section: Section, place: int) -> str:
+    return f"evidence-{place}-" + re.sub(r"[^a-z0-9]+", "-", section.name.lower()).strip("-")
 
 
 def _key(findings: Findings, experiment: Experiment) -> list[Block | Figure]:

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from pipeline.findings import Findings, Parameter
 from pipeline.findings.figures import Cell, Column, Table, Value
 from pipeline.report.numbers import Reading, aligned_readings, plain, reading
-from pipeline.report.reading_units import ReadingUnit, reading_unit, typical
+from pipeline.report.reading_units import ReadingUnit, reading_unit, size_of, typical
 from pipeline.report.symbols import symbol_html
 from pipeline.report.table import Head, Shown, TableView, table_view
 from pipeline.report.words import clean
@@ -88,8 +88,7 @@ def parameter_tables(findings: Findings, experiment: Experiment) -> list[TableVi
 
 def common_unit(parameters: Sequence[Parameter]) -> ReadingUnit:
     """Return the unit in which parameters of one name read best together."""
-    sizes = [max(abs(p.value or 0.0), abs(p.std_error or 0.0)) for p in parameters]
-    return reading_unit(parameters[0].unit, typical(sizes))
+    return reading_unit(parameters[0].unit, typical(size_of(p.value, p.std_error, p.ci95) for p in parameters))
 
 
 def _reading(parameter: Parameter, unit: ReadingUnit) -> Reading | None:
@@ -166,7 +165,8 @@ def _varying_view(parameters: Sequence[Parameter], experiment: Experiment) -> Ta
         [*place[:-1], *(_value(row.get(name)) for name in names)]  # type: ignore[list-item]
         for place, row in rows.items()
     ]
-    by = " and ".join(_words(name) for name in conditions if name != "run" or len(conditions) == 1)
+    *others, last = [_words(name) for name in conditions if name != "run" or len(conditions) == 1]
+    by = f"{', '.join(others)} and {last}" if others else last
     title = (
         f"Parameters of each run, with {by}" if "run" in conditions and len(conditions) > 1 else f"Parameters by {by}"
     )

@@ -22,7 +22,7 @@ _PREFIXABLE = {"N", "Pa", "J", "W", "V", "A", "T", "C", "F", "H", "Wb", "Hz", "m
 # SI unit -> (name, its size in SI, magnitude from which on it is used), small to large. Units that take a
 # prefix by the common rule are not listed.
 _LADDERS: dict[str, tuple[tuple[str, float, float], ...]] = {
-    "1": (("", 1.0, 1e-4),),
+    "1": (("", 1.0, 1e-3),),
     "m": (("nm", 1e-9, 1e-9), ("µm", 1e-6, 1e-6), ("mm", 1e-3, 1e-4), ("m", 1.0, 1.0)),
     "s": (("ns", 1e-9, 1e-9), ("µs", 1e-6, 1e-6), ("ms", 1e-3, 1e-3), ("s", 1.0, 0.1)),
     "kg": (("mg", 1e-6, 1e-6), ("g", 1e-3, 1e-3), ("kg", 1.0, 0.1)),
@@ -101,10 +101,17 @@ def reading_unit(si_unit: str, magnitude: float) -> ReadingUnit:
     ladder = _ladder(si_unit)
     fitting = [(name, size) for name, size, start in ladder if magnitude >= start * (1 - 1e-9)]
     name, size = fitting[-1] if fitting else ladder[0][:2]
-    if 1e-4 <= magnitude / size < 1e6:
+    if 1e-3 * (1 - 1e-9) <= magnitude / size < 1e6:
         return ReadingUnit(name, size)
     exponent = 3 * math.floor(math.log10(magnitude / size) / 3)
-    return ReadingUnit(f"{power_of_ten(exponent)} {name}".strip(), size * 10.0**exponent)
+    return ReadingUnit(
+        f"{power_of_ten(exponent)} {name}" if name else f"×{power_of_ten(exponent)}", size * 10.0**exponent
+    )
+
+
+def size_of(value: float | None, std_error: float | None = None, ci95: tuple[float, float] | None = None) -> float:
+    """Return the magnitude that decides the unit of an uncertain number: a zero is as large as its uncertainty."""
+    return max(abs(value or 0.0), abs(std_error or 0.0)) or max(map(abs, ci95 or (0.0,)))
 
 
 def typical(values: Iterable[float | None]) -> float:

@@ -11,14 +11,14 @@ from markupsafe import Markup
 
 from pipeline.findings.figures import Cell, Column, Table, Value
 from pipeline.report.numbers import THIN, Reading, aligned_readings, reading
-from pipeline.report.reading_units import ReadingUnit, reading_unit, typical
+from pipeline.report.reading_units import ReadingUnit, reading_unit, size_of, typical
 from pipeline.report.words import clean
 
 MOST_ROWS = 200
 NOTHING = "–"
-_LONG_FROM = 25  # rows
+_HEIGHTS = {"long": 26, "tall": 9, "short": 0}  # rows
 _PROSE_FROM = 30  # signs
-_WIDE_FROM = 8  # columns; print takes smaller type
+_WIDTHS = {"widest": 13, "wider": 10, "wide": 8}  # columns
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,11 @@ class TableView:
     number: int = 0
 
     @property
-    def wide(self) -> bool:
-        """Tell whether the table needs smaller type on paper."""
-        return len(self.heads) >= _WIDE_FROM
-
-    @property
-    def long(self) -> bool:
-        """Tell whether the table scrolls in a box of its own."""
-        return len(self.rows) > _LONG_FROM
+    def size(self) -> str:
+        """CSS classes: wide tables get smaller type on paper, long ones scroll in a box, short ones stay whole."""
+        width = next((name for name, columns in _WIDTHS.items() if len(self.heads) >= columns), "")
+        height = next((name for name, rows in _HEIGHTS.items() if len(self.rows) >= rows), "")
+        return f"{width} {height}".strip()
 
     def numbered(self, number: int) -> TableView:
         """Return the table with its number in the page."""
@@ -96,7 +93,7 @@ def column_unit(column: Column, cells: Sequence[Cell]) -> ReadingUnit:
     magnitudes = []
     for cell in cells:
         if isinstance(cell, Value):
-            magnitudes.append(max(abs(cell.value or 0.0), abs(cell.std_error or 0.0)))
+            magnitudes.append(size_of(cell.value, cell.std_error, cell.ci95))
         elif isinstance(cell, int | float) and not isinstance(cell, bool):
             magnitudes.append(float(cell))
     return reading_unit(column.unit or "1", typical(magnitudes))

@@ -7,8 +7,12 @@ import unicodedata
 
 def clean(text: str) -> str:
     """Return `text` on one line, without control signs, lone surrogates and signs that turn the reading direction."""
-    kept = (" " if sign.isspace() else sign for sign in text if sign.isspace() or _shows(sign))
+    kept = (" " if _breaks(sign) else sign for sign in text if _breaks(sign) or _shows(sign))
     return "".join(kept).strip()
+
+
+def _breaks(sign: str) -> bool:
+    return sign.isspace() and unicodedata.category(sign) != "Zs"
 
 
 def harmless(text: str) -> str:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.report.numbers import aligned, aligned_readings, fixed, plain, reading, warranted_decimals
-from pipeline.report.reading_units import reading_unit, spelt, typical
+from pipeline.report.reading_units import reading_unit, size_of, spelt, typical
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_fixed_and_plain_cope_with_infinity():
         ("N m/rad", 2e3, "kN·m/rad"), ("rad", 0.5, "°"), ("rad", 1e-3, "mrad"), ("1", 0.21, ""), ("1/m", 4000.0, "1/mm"),
         ("m^2", 1.96e-3, "mm²"), ("kg m^2", 2e-4, "kg·cm²"), ("kg/m^3", 7800.0, "kg/m³"), ("N", 0.0, "N"),
         ("ohm", 4.7e3, "kΩ"), ("m/s^2", 9.81, "m/s²"), ("N/m^3", 4.2e10, "GN/m³"), ("count", 300.0, "counts"),
-        ("1", 3e-7, "10⁻⁹"), ("kg^2/K", 5e9, "10⁹ kg²/K"), ("V", float("nan"), "V"),
+        ("1", 3e-7, "×10⁻⁹"), ("kg^2/K", 5e9, "10⁹ kg²/K"), ("V", float("nan"), "V"),
     ],
 )  # fmt: skip
 def test_the_unit_for_reading_follows_the_magnitude(unit, magnitude, name):
@@ -111,7 +111,7 @@ def test_the_unit_for_reading_follows_the_magnitude(unit, magnitude, name):
 @given(st.sampled_from(["m", "s", "N/m", "rad", "kg m^2", "1", "m^3/s", "A^2 s"]), st.floats(1e-20, 1e20))
 def test_a_number_in_its_unit_for_reading_is_short(unit, magnitude):
     shown = reading_unit(unit, magnitude)
-    assert 1e-4 * 0.999 <= magnitude / shown.size < 1e6 * 1.001
+    assert 1e-3 * 0.999 <= magnitude / shown.size < 1e6 * 1.001
 
 
 def test_an_angle_becomes_degrees_exactly():
@@ -122,6 +122,13 @@ def test_units_are_printed_as_engineers_write_them():
     assert [spelt(unit) for unit in ("N s/m", "kg m^2", "m^-1", "1", "N m s/rad")] == [
         "N·s/m", "kg·m²", "m⁻¹", "", "N·m·s/rad",
     ]  # fmt: skip
+
+
+def test_a_zero_is_as_large_as_its_uncertainty():
+    assert size_of(0.0, None, (0.0, 7.3e-5)) == 7.3e-5
+    assert size_of(0.0, 2e-6, (-1.0, 1.0)) == 2e-6
+    assert size_of(3.0, 20.0) == 20.0
+    assert size_of(None) == 0.0
 
 
 def test_the_typical_size_ignores_what_is_missing():
