@@ -186,6 +186,7 @@ def _own(name: str, raw: RawChannel, source: Source, quality: list[QualityFindin
     try:
         to_si = conversion(raw.unit, None, f"{source.where}, channel '{raw.name}'")
     except InputError as error:
-        quality.append(QualityFinding("warning", str(error), channel=name))
+        if not any(finding.message.startswith(str(error)) for finding in quality):
+            quality.append(QualityFinding("warning", str(error), channel=name))
         return SelectedChannel(name, raw, "1", raw.unit)
     return SelectedChannel(name, raw, to_si.unit, raw.unit, to_si.factor, to_si.offset)

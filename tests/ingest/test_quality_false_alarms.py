@@ -105,6 +105,7 @@ def test_a_sound_signal_raises_no_alarm(kind: str, block: int) -> None:
 
 def test_the_resolution_is_noted_only_where_it_is_coarse() -> None:
     assert found(rounded(sine(5), 2 / 4096), RATE) == []
+    assert found(rounded(6 + noise(0.01), 0.001), RATE) == [], "the noise is larger"
     (finding,) = found(rounded(6e-4 * np.abs(sine(0.25)), 1e-5), RATE)
     assert "steps of 1e-05 N, only 61 of them" in finding.message
 

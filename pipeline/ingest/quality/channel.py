@@ -114,7 +114,8 @@ class ChannelQuality:
         if not self.n:
             return []
         if not self.present:
-            return [self._said("warning", "has no value (NaN) in any sample.")]
+            level: Level = "error" if self.channel.required else "warning"
+            return [self._said(level, "has no value (NaN) in any sample.")]
         said = [*self._said_missing(), *self._said_limit()]
         if self.is_dead:
             return [*said, self._said_dead()]
@@ -170,8 +171,9 @@ class ChannelQuality:
         return [self._said("warning", where, (spikes.at_largest, spikes.at_largest))]
 
     def _said_resolution(self) -> list[QualityFinding]:
+        """Say where steps hide the signal; noise that is larger than they are makes them harmless."""
         step = self._resolution.step()
-        if step is None:
+        if step is None or self.stretches.n_still < 0.3 * self.present:
             return []
         levels = round((self._upper.level - self._lower.level) / step) + 1
         if levels > 100:
