@@ -7,30 +7,41 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pipeline.errors import listing
 from pipeline.recording import Recording
 from pipeline.rigs.mre.dynamic_fit import DynamicFit
-from pipeline.rigs.mre.leave_one_out import LeaveOneOut
-from pipeline.rigs.mre.loop import half_range
-from pipeline.rigs.mre.shear_runs import SortedRuns
+from pipeline.rigs.mre.loop import Loop, curve, half_range
+from pipeline.rigs.mre.shear_check import MODULUS_RANGE
+from pipeline.rigs.mre.shear_runs import SortedRuns, apart
 
 LAG_SAID = 50e-6  # s
 _REMANENCE = 5e-3  # T
 _PRELOAD_CHANGE = 0.1
-# A run stands out whose gain is this much, and this many robust standard deviations, off the others.
-_GAIN_SIZE, _GAIN_APART = 0.01, 6.0
+# An amplitude this many times its label, or less than the reciprocal.
+_LABEL_RATIO = 1.25
+# Share of the stroke within 5 % of the largest force that no visco-elastic loop has, and the least friction
+# coefficient at which pads slide.
+_PLATEAU, _LEAST_FRICTION = 0.35, 0.1
 
 
-def say_faults(
-    runs: SortedRuns, recordings: Sequence[Recording], fit: DynamicFit | None, without: LeaveOneOut | None
-) -> list[str]:
-    """Add what is found to the quality of `runs`; return the runs that stand out from all others."""
-    _slip(runs)
-    _preload_by_field(runs, recordings)
-    _remanence(runs, recordings)
-    if fit is None:
-        return []
+def say_faults(runs: SortedRuns, recordings: Sequence[Recording], fit: DynamicFit | None) -> list[str]:
+    """Add what is found to the quality of `runs`; return what casts doubt on the numbers, in sentences."""
+    doubts = [
+        _modulus(runs),
+        _labels(recordings, runs),
+        _slip(runs),
+        _preload_by_field(runs, recordings),
+        _remanence(runs, recordings),
+    ]
+    if fit is not None and not fit.rejected:
+        _lag(runs, fit)
+        doubts += [_mass(fit), _drift(runs, fit)]
+    return [doubt for doubt in doubts if doubt]
+
+
+def _lag(runs: SortedRuns, fit: DynamicFit) -> None:
     lag = fit.force_lag
-    if lag.value is not None and abs(lag.value) > LAG_SAID and fit.held_lag is None and not fit.rejected:
+    if lag.value is not None and abs(lag.value) > LAG_SAID and fit.held_lag is None:
         runs.say(
             "warning",
             None,
@@ -38,100 +49,159 @@ def say_faults(
             "displacement; the fit and the loops account for it. Calibrate it with a rigid link in place of the pads.",
             "force",
         )
-    odd = _standing_out(fit, without)
-    for run in odd:
-        gain = 100 * fit.gain_by_run[run]
-        runs.say(
-            "warning",
-            run,
-            f"does not go with the other runs: its force is {gain:+.1f} % off what they predict (gain, current "
-            f"label or preload?). Check it, or leave it out with 'exclude: [{run}]' in the recipe.",
-            "force",
-        )
-    if not odd:
-        _drift(runs, fit)
-    return odd
 
 
-def _standing_out(fit: DynamicFit, without: LeaveOneOut | None) -> list[str]:
-    """Return the runs that no scatter of the others explains."""
-    if len(fit.loops) < 4:
-        return []
-    names = list(fit.gain_by_run)
-    gains = np.array([fit.gain_by_run[name] for name in names])
-    odd = []
-    for i, name in enumerate(names):
-        others = np.delete(gains, i)
-        middle = float(np.median(others))
-        spread = max(1.4826 * float(np.median(np.abs(others - middle))), 1e-3)
-        if abs(gains[i] - middle) > max(_GAIN_APART * spread, _GAIN_SIZE):
-            odd.append(name)
-    if without is not None and (fit.rejected or odd):
-        chi2 = {run: value for run, value in without.chi2_without.items() if math.isfinite(value)}
-        best = min(chi2, key=lambda run: chi2[run], default=None)
-        rest = [value for run, value in chi2.items() if run != best]
-        if best is not None and rest and chi2[best] < 0.2 * min(rest):
-            return [best]
-    return odd if len(odd) == 1 else []
+def _modulus(runs: SortedRuns) -> str:
+    """Doubt loops whose mean shear modulus no elastomer has: a wrong unit."""
+    moduli = [
+        abs(u.loop.F[0] / u.loop.X[0]) * u.pads.modulus_per_stiffness
+        for u in runs.loops
+        if u.loop is not None and u.pads is not None
+    ]
+    if not moduli or MODULUS_RANGE[0] <= (middle := float(np.median(moduli))) <= MODULUS_RANGE[1]:
+        return ""
+    low = middle < MODULUS_RANGE[0]
+    likely = "displacement looks like mm taken as m, or force like kN taken as N" if low else (
+        "displacement looks like m taken as mm, or force like N taken as kN"
+    )  # fmt: skip
+    doubt = (
+        f"The loops mean a shear modulus of {middle / 1e6:.2g} MPa, and elastomers have {MODULUS_RANGE[0] / 1e6:g} to "
+        f"{MODULUS_RANGE[1] / 1e6:g} MPa: {likely} (factor 1000), or the pad size has a wrong unit."
+    )
+    runs.say("warning", None, doubt, "displacement")
+    return doubt
 
 
-def _slip(runs: SortedRuns) -> None:
+def _labels(recordings: Sequence[Recording], runs: SortedRuns) -> str:
+    """Say amplitudes that the labels give otherwise; doubt labels of current that the channel contradicts."""
+    conditions = {recording.run: recording.conditions for recording in recordings}
+    swapped = []
+    for usable in runs.loops:
+        assert usable.loop is not None
+        label, current = conditions[usable.run].get("amplitude"), conditions[usable.run].get("coil_current")
+        measured = usable.loop.amplitude
+        if isinstance(label, float) and label > 0 and not 1 / _LABEL_RATIO < measured / label < _LABEL_RATIO:
+            ratio = measured / label
+            thousand = " That is a factor of about 1000: mm taken as m?" if not 1 / 300 < ratio < 300 else ""
+            runs.say(
+                "warning",
+                usable.run,
+                f"the amplitude is {measured:.3g} m but its label says {label:.3g} m ({ratio:.3g} times that).{thousand} "
+                "The measured one is used.",
+                "displacement",
+            )
+        if isinstance(current, float) and usable.current is not None and apart(usable.current, current):
+            swapped.append(usable.run)
+    if not swapped:
+        return ""
+    return f"The measured coil current contradicts the label of {listing(swapped, 6)}; the measured one was used."
+
+
+def _slip(runs: SortedRuns) -> str:
+    """Say what friction the pads need, and doubt loops with a plateau of force at high need."""
     needed = {
         usable.run: half_range(usable.loop.F) / (2 * usable.preload)
         for usable in runs.loops
-        if usable.loop is not None and usable.preload and usable.pads is not None
+        if usable.loop is not None and usable.preload and usable.preload > 0 and usable.pads is not None
     }
     worst = max(needed, key=lambda run: needed[run], default=None)
-    if worst is not None and needed[worst] > 0.5:
-        count = sum(value > 0.5 for value in needed.values())
+    if worst is None:
+        return ""
+    sliding = [
+        u.run
+        for u in runs.loops
+        if u.loop is not None and needed.get(u.run, 0.0) > _LEAST_FRICTION and _plateau(u.loop) > _PLATEAU
+    ]
+    if sliding:
+        run = max(sliding, key=lambda name: needed[name])
         runs.say(
             "warning",
-            worst,
-            f"without slip the pads need a friction coefficient of {needed[worst]:.2f} here (F_max/(2 N), above 0.5 in "
-            f"{count} run{'s' if count > 1 else ''}): the loop may contain sliding, "
-            "which the Bouc-Wen term would absorb.",
+            run,
+            f"the force stays on a plateau at F_max/(2 N) = {needed[run]:.2f} while the displacement goes on: the loop may "
+            "contain sliding of a pad, which the Bouc-Wen term would absorb. Raise the preload or lower the amplitude.",
             "force",
         )
+        return f"Loops of {listing(sliding, 6)} may contain sliding of a pad (plateau of the force)."
+    if needed[worst] > 0.5:
+        count = sum(value > 0.5 for value in needed.values())
+        runs.say(
+            "note",
+            worst,
+            f"without slip the pads need a friction coefficient of {needed[worst]:.2f} here (F_max/(2 N), above 0.5 in "
+            f"{count} run{'s' if count > 1 else ''}). No plateau of force is seen; sliding would be absorbed by the "
+            "Bouc-Wen term.",
+            "force",
+        )
+    return ""
 
 
-def _preload_by_field(runs: SortedRuns, recordings: Sequence[Recording]) -> None:
+def _plateau(loop: Loop) -> float:
+    """Return over which share of the stroke the force stays within 5 % of its largest value."""
+    x, F = curve(loop.X), curve(loop.F)
+    shares = []
+    for sign in (1.0, -1.0):
+        top = sign * F > 0.95 * float((sign * F).max())
+        shares.append(float(np.ptp(x[top]) / np.ptp(x)))
+    return min(shares)
+
+
+def _mean(recording: Recording, channel: str) -> float:
+    values = recording.values(channel)
+    values = values[np.isfinite(values)]
+    return float(values.mean()) if values.size else math.nan
+
+
+def _preload_by_field(runs: SortedRuns, recordings: Sequence[Recording]) -> str:
     """Say where the field changed the axial load that the label gives for 0 A."""
     worst, change, measured = None, 0.0, 0.0
     for recording in recordings:
         preload = recording.conditions.get("preload")
         if "force_axial" in recording and isinstance(preload, float) and preload > 0:
-            load = float(np.nanmean(recording.values("force_axial")))
+            load = _mean(recording, "force_axial")
             if abs(load / preload - 1) > max(_PRELOAD_CHANGE, abs(change)):
                 worst, change, measured = recording.run, load / preload - 1, load
-    if worst is not None:
-        runs.say(
-            "warning",
-            worst,
-            f"the axial load is {measured:.0f} N, {100 * change:+.0f} % off the preload set at 0 A: at a held gap the "
-            "field presses the pads. Stiffness increments contain that.",
-            "force_axial",
-        )
+    if worst is None:
+        return ""
+    runs.say(
+        "warning",
+        worst,
+        f"the axial load is {measured:.0f} N, {100 * change:+.0f} % off the preload set at 0 A: at a held gap the "
+        "field presses the pads. Stiffness increments contain that.",
+        "force_axial",
+    )
+    return f"The axial load differs from the set preload by up to {100 * change:+.0f} %; increments contain that."
 
 
-def _remanence(runs: SortedRuns, recordings: Sequence[Recording]) -> None:
+def _remanence(runs: SortedRuns, recordings: Sequence[Recording]) -> str:
+    left: dict[str, float] = {}
     for recording in recordings:
-        if "flux_density" not in recording or recording.conditions.get("coil_current") not in (0, 0.0):
-            continue
-        field = float(np.nanmean(recording.values("flux_density")))
-        if abs(field) > _REMANENCE:
-            runs.say(
-                "warning",
-                recording.run,
-                f"{1e3 * field:.1f} mT remain at 0 A: demagnetise, and mind the order of the runs.",
-                "flux_density",
-            )
+        if "flux_density" in recording and recording.conditions.get("coil_current") == 0:
+            field = _mean(recording, "flux_density")
+            if abs(field) > _REMANENCE:
+                left[recording.run] = field
+                runs.say(
+                    "warning",
+                    recording.run,
+                    f"{1e3 * field:.1f} mT remain at 0 A: demagnetise, and mind the order of the runs.",
+                    "flux_density",
+                )
+    return (
+        f"Up to {1e3 * max(left.values(), key=abs):.1f} mT remain at 0 A: these are no runs without field."
+        if left
+        else ""
+    )
 
 
-def _drift(runs: SortedRuns, fit: DynamicFit) -> None:
+def _mass(fit: DynamicFit) -> str:
+    mass = next((e.value for e in fit.estimates if e.name == "moving_mass"), None)
+    return f"The force was not tared for a moving mass of {mass:.3g} kg, which was fitted along." if mass else ""
+
+
+def _drift(runs: SortedRuns, fit: DynamicFit) -> str:
     """Say a trend of the runs' gain with their order: heating, Mullins effect, relaxation."""
     order = {u.run: u.sequence for u in runs.loops if u.sequence is not None and u.run in fit.gain_by_run}
     if len(order) < 6 or len(set(order.values())) < 6:
-        return
+        return ""
     index = np.array([float(value) for value in order.values() if value is not None])
     gain = np.array([fit.gain_by_run[run] for run in order])
     centred = index - index.mean()
@@ -139,10 +209,11 @@ def _drift(runs: SortedRuns, fit: DynamicFit) -> None:
     rest = gain - gain.mean() - slope * centred
     sd = math.sqrt(float(rest @ rest) / (index.size - 2) / float(centred @ centred))
     total = slope * float(np.ptp(index))
-    if sd > 0 and abs(slope) > 4 * sd and abs(total) > 2e-3:
-        runs.say(
-            "warning",
-            None,
-            f"stiffness changes by {100 * total:+.1f} % from the first to the last run of the sequence: heating, "
-            "Mullins effect or relaxation. Bracket the campaign with repeated runs at 0 A.",
-        )
+    if not (sd > 0 and abs(slope) > 4 * sd and abs(total) > 2e-3):
+        return ""
+    doubt = (
+        f"Stiffness changes by {100 * total:+.1f} % from the first to the last run of the sequence: heating, Mullins "
+        "effect or relaxation. Bracket the campaign with repeated runs at 0 A; intervals do not hold this trend."
+    )
+    runs.say("warning", None, doubt)
+    return doubt

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, listing
 from pipeline.findings import Findings, Quality, Run
 from pipeline.recording import Recording
 from pipeline.rigs.experiment import Context
@@ -17,6 +18,7 @@ from pipeline.rigs.mre.preload import PreloadTable, preload_table, split_by_prel
 from pipeline.rigs.mre.shear import ShearSettings
 from pipeline.rigs.mre.shear_arrays import arrays_of
 from pipeline.rigs.mre.shear_faults import say_faults
+from pipeline.rigs.mre.shear_odd import set_odd_runs_aside
 from pipeline.rigs.mre.shear_parameters import Labels, loop_parameters, models_of, parameters_of
 from pipeline.rigs.mre.shear_published import published
 from pipeline.rigs.mre.shear_runs import SortedRuns, UsableRun, sort_runs
@@ -27,8 +29,7 @@ from pipeline.rigs.mre.time_model import TimeOptions
 
 # What a mass column must gain in BIC before an untared mass is believed.
 _MASS_GAIN = 10.0
-# chi2 per degree of freedom beyond which one is looked for.
-_MISFIT_OF_MASS = 1.5
+_FREQUENCY_RATIO = 1.2
 
 
 def identify(recordings: Sequence[Recording], settings: ShearSettings, context: Context) -> Findings:
@@ -41,8 +42,7 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
     """
     runs = sort_runs(recordings, settings)
     if not runs.usable:
-        told = "; ".join(f"{run}: {reason}" for run, reason in runs.left_out.items())
-        raise InputError(f"campaign '{context.campaign}': no run can be used. {told}.")
+        raise InputError(_nothing_usable(runs, context))
     options = _options(settings, recordings)
     dynamic, others = _dynamic(runs, options, settings)
     fit = dynamic.selected if dynamic else None
@@ -54,8 +54,8 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
         runs.say(
             "note", None, f"the dynamic model is that of the steady loops; records without a period only: {names}."
         )
-    odd = say_faults(runs, recordings, fit, without)
-    judgement = judge(runs, fit, times, odd)
+    doubts = say_faults(runs, recordings, fit)
+    judgement = judge(runs, fit, times, doubts)
     if others:
         names = ", ".join(loop.run for loop in others)
         runs.say("note", None, f"runs of another preload do not enter the dynamic fit: {names}.")
@@ -75,6 +75,15 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
         runs=_runs(recordings, runs),
         arrays=arrays_of(runs, fit, without, times, preloads),
     )
+
+
+def _nothing_usable(runs: SortedRuns, context: Context) -> str:
+    """Say why no run can be used: the first reason, and how many others there are."""
+    if not runs.left_out:
+        return f"campaign '{context.campaign}': there is no run."
+    (first, reason), *others = runs.left_out.items()
+    named = f" The same or another reason holds for {len(others)} more: {listing(run for run, _ in others)}."
+    return f"campaign '{context.campaign}': no run can be used. Run '{first}': {reason}.{named if others else ''}"
 
 
 def _options(settings: ShearSettings, recordings: Sequence[Recording]) -> FitOptions:
@@ -105,21 +114,47 @@ def _dynamic(
     except ValueError as error:
         runs.say("warning", None, f"the dynamic model was not fitted: {error}.")
         return None, others
-    plain = next(v for v in found.variants if v.variant == found.selected.variant)
-    if settings.moving_mass == "auto" and plain.chi2 > _MISFIT_OF_MASS * plain.dof:
-        heavier = identify_loops(main, replace(options, fit_mass=True))
-        mass = heavier.selected.one("moving_mass")
-        gain = _bic(found) - _bic(heavier)
-        if gain > _MASS_GAIN and mass.ci95 is not None and mass.ci95[0] > 0:
-            runs.say(
-                "warning",
-                None,
-                f"the force contains the inertia of an untared mass of {mass.value:.3g} kg (BIC better by {gain:.0f}); "
-                "it is fitted along. Weigh platelet and rod and set 'moving_mass'.",
-                "force",
-            )
-            found = heavier
+    found = _with_mass(found, main, options, settings, runs)
+    found, odd = set_odd_runs_aside(found, main, options)
+    for run in odd:
+        runs.set_aside(run.run, run.reason, "force")
+    if odd:
+        left = {loop.run for loop in found.selected.loops}
+        found = _with_mass(found, [loop for loop in main if loop.run in left], options, settings, runs)
     return found, others
+
+
+def _with_mass(
+    found: Identification, loops: list[Loop], options: FitOptions, settings: ShearSettings, runs: SortedRuns
+) -> Identification:
+    """Add the inertia of an untared mass to the model where the data ask for it.
+
+    It takes two frequencies to tell a mass from a stiffness.
+    """
+    fit = found.selected
+    frequencies = [loop.frequency for loop in loops]
+    several = max(frequencies) > _FREQUENCY_RATIO * min(frequencies)
+    noise_explains = fit.run_scatter == 0 and fit.chi2 <= fit.dof + 3 * math.sqrt(2 * fit.dof)
+    if settings.moving_mass != "auto" or not several or noise_explains or fit.dof < 1:
+        return found
+    try:
+        heavier = identify_loops(loops, replace(options, fit_mass=True))
+    except ValueError:  # too few data for one more parameter
+        return found
+    mass = heavier.selected.one("moving_mass")
+    gain = _bic(found) - _bic(heavier)
+    if heavier.selected.rejected or mass.ci95 is None or mass.ci95[0] <= 0:
+        return found
+    if not fit.rejected and gain < _MASS_GAIN:
+        return found
+    runs.say(
+        "warning",
+        None,
+        f"the force contains the inertia of an untared mass of {mass.value:.3g} kg; it is fitted along. Weigh platelet "
+        "and rod and set 'moving_mass' in the recipe.",
+        "force",
+    )
+    return heavier
 
 
 def _bic(found: Identification) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, listing
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.loop import Loop, Pads, curve, fit_loop, loop_metrics
 from pipeline.rigs.mre.shear import ShearSettings
@@ -64,6 +64,11 @@ class SortedRuns:
         self.left_out[run] = reason
         self.say("error", run, f"left out: {reason}", channel)
 
+    def set_aside(self, run: str, reason: str, channel: str | None = None) -> None:
+        """Leave out a run that was held for a good loop."""
+        self.loops = [usable for usable in self.loops if usable.run != run]
+        self.leave_out(run, reason, channel)
+
     @property
     def usable(self) -> list[UsableRun]:
         """All runs that yield something."""
@@ -84,7 +89,28 @@ def sort_runs(recordings: Sequence[Recording], settings: ShearSettings) -> Sorte
             seen[hashes] = recording.run
         _sort_one(recording, settings, runs)
     _other_units(runs)
+    if settings.mains_frequency > 0:
+        _on_the_mains(runs, settings.mains_frequency)
     return runs
+
+
+def _on_the_mains(runs: SortedRuns, mains: float) -> None:
+    """Say once which harmonics do not enter because they lie on the mains."""
+    by_orders: dict[str, list[str]] = {}
+    for usable in runs.loops:
+        assert usable.loop is not None
+        lost = np.flatnonzero(~usable.loop.kept & (usable.loop.F != 0)) + 1
+        if lost.size:
+            by_orders.setdefault(", ".join(map(str, lost)), []).append(usable.run)
+    if by_orders:
+        told = "; ".join(f"{orders} of {listing(names, 4)}" for orders, names in by_orders.items())
+        runs.say(
+            "note",
+            None,
+            f"harmonics on a multiple of the mains frequency, {mains:g} Hz, do not enter: {told}. Frequencies that do not "
+            "divide it keep all harmonics.",
+            "force",
+        )
 
 
 def _other_units(runs: SortedRuns) -> None:
@@ -102,11 +128,11 @@ def _other_units(runs: SortedRuns) -> None:
         factor = moved if channel == "displacement" else ratio
         likely = {("displacement", True): "mm taken as m", ("displacement", False): "m taken as mm",
                   ("force", True): "N taken as kN", ("force", False): "kN taken as N"}[channel, factor > 1]  # fmt: skip
-        runs.loops.remove(usable)
-        runs.leave_out(
+        runs.set_aside(
             usable.run,
             f"its stiffness is {ratio:.2g} times that of the other runs and its {channel} about "
-            f"{10.0 ** round(math.log10(factor)):g} times theirs: most likely {likely}. Nothing is corrected silently: give the unit in the recipe or in the log",
+            f"{10.0 ** round(math.log10(factor)):g} times theirs: most likely {likely}. Nothing is corrected "
+            "silently: give the unit in the recipe or in the log",
             channel,
         )
 
@@ -284,16 +310,6 @@ def _say_shape(loop: Loop, excitation: Excitation, runs: SortedRuns) -> None:
             "taken out, its effect on the loop is not.",
             "displacement",
         )
-    lost = [h + 1 for h in range(loop.kept.size) if not loop.kept[h] and loop.F[h] != 0]
-    if lost:
-        orders = ", ".join(str(h) for h in lost)
-        runs.say(
-            "note",
-            run,
-            f"harmonics {orders} of {loop.frequency:.4g} Hz lie on the mains and do not enter; a frequency that does "
-            "not divide it keeps them.",
-            "force",
-        )
     if (loop.F[0] / loop.X[0]).real < 0:
         runs.say("warning", run, "negative in-phase stiffness: inertia of an untared mass, or a wrong sign.", "force")
 
@@ -308,7 +324,7 @@ def _current(recording: Recording, runs: SortedRuns) -> float | None:
     if not values.size:
         return label
     measured, noise = float(values.mean()), max(float(values.std()), 0.01)
-    if label is not None and abs(measured - label) > max(_CURRENT_APART, 0.05 * abs(label), 3 * noise):
+    if label is not None and apart(measured, label, noise):
         runs.say(
             "warning",
             recording.run,
@@ -316,6 +332,11 @@ def _current(recording: Recording, runs: SortedRuns) -> float | None:
             "current",
         )
     return 0.0 if abs(measured) <= 1.96 * noise else measured
+
+
+def apart(measured: float, label: float, noise: float = 0.01) -> bool:
+    """Tell whether a measured current (A) is another one than its label says."""
+    return abs(measured - label) > max(_CURRENT_APART, 0.05 * abs(label), 3 * noise)
 
 
 def _number(recording: Recording, name: str) -> float | None:

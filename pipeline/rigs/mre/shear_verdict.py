@@ -43,7 +43,7 @@ class Judgement:
         self.reasons.append(reason)
 
 
-def judge(runs: SortedRuns, fit: DynamicFit | None, times: list[TimeFit], odd: list[str]) -> Judgement:
+def judge(runs: SortedRuns, fit: DynamicFit | None, times: list[TimeFit], doubts: list[str]) -> Judgement:
     """Weigh what was found."""
     said = Judgement()
     if fit is not None:
@@ -55,8 +55,8 @@ def judge(runs: SortedRuns, fit: DynamicFit | None, times: list[TimeFit], odd: l
         said.advice.append("Cycle the sample several times at constant frequency and amplitude.")
     for run, reason in runs.left_out.items():
         said.warn(f"Run {run} is left out: {reason}.")
-    for run in odd:
-        said.warn(f"Run {run} does not go with the others; see the quality findings.")
+    for doubt in doubts:
+        said.warn(doubt)
     if any("asymmetric" in finding.message for finding in runs.quality):
         said.warn("The force is asymmetric, which the symmetric model cannot follow.")
     if not said.reasons:
