@@ -59,12 +59,27 @@ def test_a_covariance_and_a_length_fixed_by_the_schema_are_vectors(tmp_path):
     assert found["gains.11"].tolist() == [11] * 5
 
 
+def test_a_long_list_of_fixed_length_and_a_short_one_that_runs_on_are_samples(tmp_path):
+    array = {"type": "array", "minItems": 10, "maxItems": 10, "items": {"type": "number"}}
+    signal = np.sin(np.arange(400) * 0.03)
+    _, found = read(tmp_path, cut(signal, 10), schemas={"/rig": {"properties": {"force": array}}})
+    np.testing.assert_array_equal(found["force"], signal)
+    array |= {"minItems": 100, "maxItems": 100}
+    _, found = read(
+        tmp_path, [{"force": [i] * 100} for i in range(3)], schemas={"/rig": {"properties": {"force": array}}}
+    )
+    assert found["force"].size == 300
+
+
 def test_a_vector_beside_blocks_keeps_its_place(tmp_path):
     messages = [{"force": list(range(100)), "offset": [i, -i, 2 * i]} for i in range(4)]
     rig, found = read(tmp_path, messages)
     np.testing.assert_array_equal(found["offset.1"], np.repeat([0, -1, -2, -3], 100))
     log = open_log(tmp_path / "a.mcap")
-    assert "force: blocks of 100 samples a message; offset (3): vectors" in log.details["topic rig"]
+    assert (
+        "force: blocks of 100 samples, the first at the message's stamp; offset (3): vectors"
+        in log.details["topic rig"]
+    )
     assert rig.notes() == []
 
 

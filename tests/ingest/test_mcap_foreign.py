@@ -90,7 +90,7 @@ def test_ros2_messages_with_nesting_strings_arrays_and_samples(tmp_path):
     assert read["header.frame_id"][first][:3].tolist() == ["", "cell", "cellcell"]
     assert "picture" not in read
     assert "raw bytes were left out: picture" in messages_of(log.notes)
-    assert "trace: blocks of 10 samples a message" in log.details["topic rig"]
+    assert "trace: blocks of 10 samples, the first at the message's stamp" in log.details["topic rig"]
 
 
 SCALARS = [

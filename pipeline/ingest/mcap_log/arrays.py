@@ -3,11 +3,11 @@
 The rule, in this order, for every field that holds a list:
 
 1. A list that comes with a list of times of the same length is a block of samples.
-2. A list whose length the schema fixes (``float64[9]``, ``minItems`` = ``maxItems``), or that comes
-   with a list of names (as in a JointState), or is called a covariance, is a vector.
-3. A list whose length changes, or is 8 or more, is a block of samples.
-4. A list of 4 to 7 numbers is a block if its numbers run on from message to message as a sampled
-   signal does; else, and with fewer numbers, it is a vector.
+2. A list that comes with a list of names (as in a JointState), or is called a covariance, is a vector.
+3. A list whose length changes, or is 8 or more, is a block of samples; or more than 16 where the
+   schema fixes the length (``float64[9]``, ``minItems`` = ``maxItems``).
+4. A shorter list of at least 4 numbers is a block if its numbers run on from message to message as a
+   sampled signal does; else, and with fewer numbers, it is a vector.
 
 A block gives one row a sample, scalars are repeated. Lists beside a block and as long as it are
 blocks too, unless rule 2 says otherwise; lists of another length are taken as vectors. A vector ``p``
@@ -26,6 +26,7 @@ from pipeline.ingest.mcap_log.columns import Path
 
 LONGEST_VECTOR = 256
 _SURELY_SAMPLES = 8
+_SURELY_SAMPLES_IF_FIXED = 17
 _MAYBE_SAMPLES = 4
 _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "sampletime", "sampletimes"}
 _RATES = {"fs", "rate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
@@ -57,8 +58,8 @@ def sampled(lists: Sequence[Lists], fixed: Mapping[Path, int]) -> tuple[set[Path
     if times is not None:
         return {field.path for field in lists if _share_length(field, times)}, times.path
     names = [field for field in lists if _are_names(field)]
-    undecided = [field for field in lists if not _is_surely_vector(field, fixed, names)]
-    leaders = [field for field in undecided if not field.is_text and _looks_sampled(field)]
+    undecided = [field for field in lists if not _is_surely_vector(field, names)]
+    leaders = [field for field in undecided if not field.is_text and _looks_sampled(field, fixed)]
     if not leaders:
         return set(), None
 
@@ -114,15 +115,14 @@ def _are_names(field: Lists) -> bool:
     return bool((rows == rows[0]).all()) and len(set(rows[0].tolist())) == width
 
 
-def _is_surely_vector(field: Lists, fixed: Mapping[Path, int], names: Sequence[Lists]) -> bool:
-    if any(field.path[:n] in fixed for n in range(len(field.path) + 1)) or "covariance" in ".".join(field.path).lower():
-        return True
-    return any(_share_length(field, other) for other in names)
+def _is_surely_vector(field: Lists, names: Sequence[Lists]) -> bool:
+    return "covariance" in ".".join(field.path).lower() or any(_share_length(field, other) for other in names)
 
 
-def _looks_sampled(field: Lists) -> bool:
+def _looks_sampled(field: Lists, fixed: Mapping[Path, int]) -> bool:
     width = field.constant_length
-    if width is None or width >= _SURELY_SAMPLES:
+    is_fixed = any(field.path[:n] in fixed for n in range(len(field.path) + 1))
+    if width is None or width >= (_SURELY_SAMPLES_IF_FIXED if is_fixed else _SURELY_SAMPLES):
         return True
     return width >= _MAYBE_SAMPLES and _runs_on(field.values, width)
 

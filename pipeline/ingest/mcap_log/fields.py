@@ -145,7 +145,7 @@ def _remarks(lists: Mapping[Path, Lists], in_blocks: set[Path]) -> tuple[str, ..
         low, high = int(lengths[lengths > 0].min()), int(lengths.max())
         many = f"{low}" if low == high else f"{low} to {high}"
         names = listing(channel_name(path) for path in lists if path in in_blocks)
-        remarks.append(f"{names}: blocks of {many} samples a message")
+        remarks.append(f"{names}: blocks of {many} samples, the first at the message's stamp")
     vectors = [f"{channel_name(path)} ({lists[path].lengths.max()})" for path in lists if path not in in_blocks]
     if vectors:
         remarks.append(f"{listing(vectors)}: vectors, one channel a member")

@@ -216,11 +216,13 @@ def _damage_notes(layout: Layout, messages: Messages, zero: int) -> Iterator[Qua
         share = 100.0 * lost / layout.size
         if damage.stop < layout.size:
             text = f"bytes {damage.start} to {damage.stop} of {layout.size} ({share:.2g} %) cannot be read: "
-            yield QualityFinding("warning", f"{text}{damage.reason}. Reading went on at the next chunk of the index.")
+            yield QualityFinding("warning", f"{text}{damage.reason}. Reading went on behind them.")
             continue
         until = _last_time(messages, zero)
         cut = layout.segments[-1] if layout.segments and layout.segments[-1].cut else None
-        whole = "; of its last chunk the front part was read" if cut is not None and until is not None else ""
+        whole = (
+            "; of its last chunk the front part was read, unchecked" if cut is not None and until is not None else ""
+        )
         text = (
             f"the file is cut off or damaged at byte {damage.start} of {layout.size}: {damage.reason}. The last "
             f"{lost} bytes ({share:.2g} %) are not whole{whole}. "

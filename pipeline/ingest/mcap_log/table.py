@@ -143,7 +143,8 @@ class TopicTable(RawTable):
         if counts is None:
             return stamps
         if self._plan.times is None:
-            step = declared_step(self._plan, columns)
+            plain = self._plan.step is not None and self._topic.declared.unit(self._plan.step) in (None, "Hz", "s")
+            step = declared_step(self._plan, columns) if plain else None
             return self._sample_clock.from_stamps(stamps, counts, following, step)
         carried = Field(channel_name(self._plan.times), (self._plan.times,), is_sample=True)
         values, _ = cols.numbers(values_of(carried, columns, counts, stamps.size))

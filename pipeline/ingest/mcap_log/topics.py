@@ -63,23 +63,26 @@ class Topic:
 def survey(messages: Messages) -> list[Topic]:
     """Look at messages of every topic: all of a small file, else some from throughout the file."""
     topics: dict[int, Topic] = {}
-    chosen = _spread(len(messages.portions))
     whole = messages.size <= _SURVEYED_WHOLE
-    for portion in [*chosen, *(i for i in range(len(messages.portions)) if i not in set(chosen))]:
-        if whole or portion in chosen or _may_tell_more(messages, portion, topics):
-            batch = messages.batch(portion)
-            _register(messages, topics)
-            for topic in _different(topics.values()):
-                at = batch.of(topic.ids)
-                if not whole and at.size > _SURVEYED_FIRST + _SURVEYED_LAST:
-                    at = np.concatenate((at[:_SURVEYED_FIRST], at[-_SURVEYED_LAST:]))
-                if at.size:
-                    _look_at(topic, batch.payloads(at), batch.log_times[at], batch.publish_times[at])
+    every = range(len(messages.portions))
+    chosen = set(every) if whole else _spread(len(every))
+    for portion in sorted(every, key=lambda i: (i not in chosen, i)):
+        if portion not in chosen and not _may_tell_more(messages, portion, topics):
+            continue
+        batch = messages.batch(portion)
+        _register(messages, topics)
+        for topic in _different(topics.values()):
+            at = batch.of(topic.ids)
+            if not at.size or (topic.found and portion not in chosen):
+                continue
+            if not whole and at.size > _SURVEYED_FIRST + _SURVEYED_LAST:
+                at = np.concatenate((at[:_SURVEYED_FIRST], at[-_SURVEYED_LAST:]))
+            _look_at(topic, batch.payloads(at), batch.log_times[at], batch.publish_times[at])
     return _different(topics.values())
 
 
-def _spread(count: int) -> list[int]:
-    return sorted(set(np.linspace(0, count - 1, min(count, _SURVEYED_PORTIONS)).astype(int).tolist())) if count else []
+def _spread(count: int) -> set[int]:
+    return set(np.linspace(0, count - 1, min(count, _SURVEYED_PORTIONS)).astype(int).tolist())
 
 
 def _may_tell_more(messages: Messages, portion: int, topics: dict[int, Topic]) -> bool:
