@@ -19,6 +19,7 @@ _LARGEST_OF_SUM = 0.1
 # A tau this uncertain (one frequency only) leaves the range where the model is straight, and with it the
 # errors of all that correlates with it.
 _LOOSE, _TIED = 0.3, 0.5
+_HALF = 0.5  # a relative standard error that leaves not even the order of magnitude
 _TIED_TO_TAU = "is not determined: it is tied to tau, which is all but free"
 _UNITS = {"k1": "N/m", "k2": "N/m", "k_mr": "N/m", "s_mr": "N s/m", "alpha_bw": "N", "rho": "1/m", "tau": "s"}
 _UNITS |= {"c_bw": "1", "n_bw": "1", "force_lag": "s", "moving_mass": "kg"}
@@ -74,6 +75,9 @@ def judge(
     for name, bound in at_bound.items():
         if bound != PHYSICAL_BOUNDS.get(name):
             lost[name] = f"{name} is not determined: the fit ran to the edge of its search, {bound:.4g}"
+    for name in ("tau", "rho", "c_bw", "n_bw", "k1", "alpha_bw"):  # positive by nature: no honest zero
+        if relative[name] > _HALF:
+            lost.setdefault(name, "")
     tau = names.index("tau")
     loose = relative["tau"] > _LOOSE or "tau" in lost.keys() & at_bound.keys()
     for name, row in zip(names, np.eye(len(keys)), strict=True):

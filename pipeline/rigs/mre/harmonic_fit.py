@@ -28,6 +28,7 @@ REJECTED_BEYOND = 2.0
 # Twice the log-likelihood that a run scatter must gain to be taken (one-sided 95 %).
 _SCATTER_RATIO = 2.71
 _PASSES = 3
+_MOST_EVALUATIONS = 60  # a model that fits needs about 10
 _NO_SCATTER = Scatter(0.0, 0.0, 0.0, 0.0, False, 0.0)
 _COLUMN_NAMES = {"u": "k1", "x": "k2", "w": "alpha_bw", "m": "moving_mass"}
 _FIELD_NAMES = {"x": "k_mr", "v": "s_mr", "u": increment_of("k1"), "w": increment_of("alpha_bw")}
@@ -144,6 +145,7 @@ def _solve(model: HarmonicModel, q0: np.ndarray, whiten: RowMap | None = None) -
         weights=model.weights,
         whiten=whiten,
         tolerance=1e-9,
+        max_evaluations=_MOST_EVALUATIONS,
     )
 
 
