@@ -18,7 +18,7 @@ Role = Literal["measured", "model", "reference", "residual", "fault"] | int
 
 @dataclass(frozen=True)
 class Axis:
-    """Label without unit, SI unit, scale. The report picks mm for m and the like."""
+    """Label without unit, SI unit ('%' for a ratio read in percent), scale. The report picks mm for m and the like."""
 
     label: str
     unit: str = "1"
@@ -122,7 +122,7 @@ Cell = str | float | int | bool | None | Value
 
 @dataclass(frozen=True)
 class Column:
-    """Heading, SI unit of its numbers ('' for text)."""
+    """Heading, SI unit of its numbers ('' for text, '%' for ratios read in percent)."""
 
     heading: str
     unit: str = ""

@@ -27,7 +27,7 @@ def badge(text: str, kind: str) -> Markup:
 
 
 def models_table(models: Sequence[ModelResult]) -> TableView:
-    """Compare models; AICc and BIC are shown above the smallest of the table, errors in percent."""
+    """Compare models; AICc and BIC are shown above the smallest of the table."""
     criteria = {
         name: min((value for model in models if (value := getattr(model, name)) is not None), default=None)
         for name in ("aicc", "bic")
@@ -39,14 +39,14 @@ def models_table(models: Sequence[ModelResult]) -> TableView:
 
     columns = [
         Column("Model"), Column("Parameters"), Column("Data"), Column("rms residual (SI)", "1"),
-        Column("NRMSE (%)", "1"), Column("χ² reduced", "1"), Column("ΔAICc", "1"), Column("ΔBIC", "1"),
-        Column("Error on runs left out (%)", "1"), Column("What it is"),
+        Column("NRMSE", "%"), Column("χ² reduced", "1"), Column("ΔAICc", "1"), Column("ΔBIC", "1"),
+        Column("Error on runs left out", "%"), Column("What it is"),
     ]  # fmt: skip
     rows: list[list[Cell]] = [
         [
             Markup("<b>{}</b> {}").format(clean(m.name), badge("selected", "ok")) if m.selected else clean(m.name),
-            m.n_parameters, m.n_data, m.rms_residual, _percent(m.nrmse), m.chi2_reduced, above(m, "aicc"),
-            above(m, "bic"), _percent(m.cv_error), clean(m.description),
+            m.n_parameters, m.n_data, m.rms_residual, m.nrmse, m.chi2_reduced, above(m, "aicc"),
+            above(m, "bic"), m.cv_error, clean(m.description),
         ]
         for m in models
     ]  # fmt: skip
@@ -60,10 +60,6 @@ def models_table(models: Sequence[ModelResult]) -> TableView:
             "models", "Models compared", caption, [columns[c] for c in kept], [[row[c] for c in kept] for row in rows]
         )
     )
-
-
-def _percent(share: float | None) -> float | None:
-    return None if share is None else 100 * share
 
 
 def published_table(published: Sequence[Published]) -> TableView:

@@ -55,6 +55,9 @@ class ReadingUnit:
         return f"{label} ({self.name})" if self.name else label
 
 
+PERCENT = ReadingUnit("%", 0.01)
+
+
 def spelt(si_unit: str) -> str:
     """Return a unit as it is printed: ``N s/m`` -> ``N·s/m``, ``m^2`` -> ``m²``, ``1`` -> ````."""
     if si_unit in ("1", ""):
@@ -85,7 +88,7 @@ def reading_unit(si_unit: str, magnitude: float) -> ReadingUnit:
     Parameters
     ----------
     si_unit
-        SI unit as declared: ``N/m``, ``N s/m``, ``1``.
+        SI unit as declared: ``N/m``, ``N s/m``, ``1``; ``%`` for a ratio that is read in percent.
     magnitude
         Typical size; zero or not finite gives the plain SI unit.
 
@@ -96,6 +99,8 @@ def reading_unit(si_unit: str, magnitude: float) -> ReadingUnit:
     >>> reading_unit("s", 60e-6).name
     'µs'
     """
+    if si_unit == "%":
+        return PERCENT
     if not (math.isfinite(magnitude) and magnitude > 0):
         return ReadingUnit("" if si_unit == "1" else spelt(si_unit))
     ladder = _ladder(si_unit)

@@ -101,7 +101,7 @@ def test_fixed_and_plain_cope_with_infinity():
         ("N m/rad", 2e3, "kN·m/rad"), ("rad", 0.5, "°"), ("rad", 1e-3, "mrad"), ("1", 0.21, ""), ("1/m", 4000.0, "1/mm"),
         ("m^2", 1.96e-3, "mm²"), ("kg m^2", 2e-4, "kg·cm²"), ("kg/m^3", 7800.0, "kg/m³"), ("N", 0.0, "N"),
         ("ohm", 4.7e3, "kΩ"), ("m/s^2", 9.81, "m/s²"), ("N/m^3", 4.2e10, "GN/m³"), ("count", 300.0, "counts"),
-        ("1", 3e-7, "×10⁻⁹"), ("kg^2/K", 5e9, "10⁹ kg²/K"), ("V", float("nan"), "V"),
+        ("%", 0.02, "%"), ("%", 0.0, "%"), ("1", 3e-7, "×10⁻⁹"), ("kg^2/K", 5e9, "10⁹ kg²/K"), ("V", float("nan"), "V"),
     ],
 )  # fmt: skip
 def test_the_unit_for_reading_follows_the_magnitude(unit, magnitude, name):

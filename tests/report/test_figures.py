@@ -114,6 +114,10 @@ def test_a_panel_without_data_says_so(marks):
     assert all("no data" in texts(svg) for svg in svgs(one(marks)))
 
 
+def test_rules_that_a_logarithmic_axis_cannot_show_are_left_out():
+    svgs(one([curve(), Rule(x=0.0, label="a"), Rule(y=-1.0, label="b")], Axis("x", "m", "log"), Axis("y", "N", "log")))
+
+
 def test_one_point_and_constant_curves_are_drawn():
     svgs(
         one([Points(np.array([1.0]), np.array([2.0])), Line(np.arange(3.0), np.full(3, 2.0)), Rule(y=2.0), Rule(x=1.0)])

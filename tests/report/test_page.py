@@ -224,6 +224,12 @@ def test_a_table_takes_any_cell():
     assert [row[3].text for row in view.rows] == ["yes", "–", "–", "2"]
 
 
+def test_a_ratio_may_be_read_in_percent():
+    view = table_view(Table("t", "T", "", [Column("misfit", "%")], [[Value(0.0123, 0.00042)], [0.5]]))
+    assert view.heads[0].unit == "%"
+    assert [row[0].text.strip("\u2007\u2008") for row in view.rows] == ["1.230 ± 0.042", "50"]
+
+
 def test_short_rows_and_too_many_rows_are_laid_out():
     view = table_view(Table("t", "T", "", [Column("a"), Column("b")], [["x"]] * 300))
     assert (len(view.rows), view.left_out) == (200, 100)
