@@ -26,9 +26,8 @@ _WRAPS = tuple(float(1 << bits) for bits in (16, 24, 31, 32))
 
 @dataclass
 class Repair:
-    """Which rows stay, shape (n,), and the stamps of those, as logged (same unit), strictly increasing."""
+    """The stamps of all rows, shape (n,), in the log's unit: strictly increasing, NaN for rows to drop."""
 
-    keep: np.ndarray
     stamps: np.ndarray
     findings: list[QualityFinding] = field(default_factory=list)
 
@@ -50,10 +49,9 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str) -> Repair:
     InputError
         If time stands still, runs backward, or starts again so often that no longest part stands out.
     """
-    keep = np.isfinite(stamps)
-    time = stamps[keep]
+    rows = np.flatnonzero(np.isfinite(stamps))
+    time = stamps[rows]
     findings: list[QualityFinding] = []
-    rows = np.flatnonzero(keep)
     time = _unwrapped(time, rows, where, findings)
     steps = np.diff(time)
     if time.size > 1 and not steps.any():
@@ -69,32 +67,30 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str) -> Repair:
         time, rows = time[stay], rows[stay]
     repeated = np.diff(time) == 0
     if repeated.any():
-        part = repeated.mean()
+        part = float(repeated.mean())
         if part < _COARSE or time.size < _SEVERAL or _are_copies(rows, repeated, copies):
-            stay = np.concatenate(([True], ~repeated))
-            level = "note" if part <= 1e-3 else "warning"
-            first = int(np.flatnonzero(repeated)[0])
-            findings.append(
-                QualityFinding(
-                    level,  # type: ignore[arg-type]
-                    f"{where}: {counted(int(repeated.sum()), 'row')} with the time of the row before "
-                    f"(repeated stamps, {100 * part:.2g} %, first row {rows[first + 1] + 1} at {time[first]:.9g}), dropped.",
-                )
-            )
+            findings.append(_said_repeated(time, repeated, rows, where))
+            stay = np.append(True, ~repeated)
             time, rows = time[stay], rows[stay]
         else:
-            group = 1.0 / (1.0 - part)
-            findings.append(
-                QualityFinding(
-                    "warning",
-                    f"{where}: time stamps are coarse, {group:.3g} rows share one on average; the samples are spread "
-                    "evenly between the stamps.",
-                )
+            message = (
+                f"{where}: time stamps are coarse, {1.0 / (1.0 - part):.3g} rows share one on average; the samples are "
+                "spread evenly between the stamps."
             )
+            findings.append(QualityFinding("warning", message))
             time = _spread(time)
-    kept = np.zeros(stamps.size, dtype=bool)
-    kept[rows] = True
-    return Repair(kept, time, findings)
+    mended = np.full(stamps.size, np.nan)
+    mended[rows] = time
+    return Repair(mended, findings)
+
+
+def _said_repeated(time: np.ndarray, repeated: np.ndarray, rows: np.ndarray, where: str) -> QualityFinding:
+    part, first = float(repeated.mean()), int(np.argmax(repeated))
+    return QualityFinding(
+        "note" if part <= 1e-3 else "warning",
+        f"{where}: {counted(int(repeated.sum()), 'row')} with the time of the row before (repeated stamps, "
+        f"{100 * part:.2g} %, first row {rows[first + 1] + 1} at {time[first]:.9g}), dropped.",
+    )
 
 
 def _unwrapped(time: np.ndarray, rows: np.ndarray, where: str, findings: list[QualityFinding]) -> np.ndarray:

@@ -20,6 +20,8 @@ from pipeline.ingest.timebase import Clock, TimeSource
 from pipeline.recording import QualityFinding
 
 Block = dict[str, np.ndarray]
+# Larger numbers measure nothing: they are a logger's way to write "no value".
+_INFINITE = 1e100
 
 
 class Sink(Protocol):
@@ -52,14 +54,12 @@ class StreamInSI:
         self.clock = Clock(selection.source, time)
         self.repairs: list[QualityFinding] = []
         self.time = time
-        self._names = list(dict.fromkeys([*self._time_name, *(c.raw.name for c in selection.channels)]))
+        names = [*([time.channel] if time.channel is not None else []), *(c.raw.name for c in selection.channels)]
+        self._names = list(dict.fromkeys(names))
         self._blocks = self._again()
         self._first = next(self._blocks, None)
-        if self._first is not None and time.channel is not None:
-            stamps = self._first[time.channel]
-            stamps = stamps[np.isfinite(stamps)]
-            if stamps.size:
-                self.clock.start(float(stamps[0]))
+        if self._first is not None:
+            self._seconds(self._first, 0, None, _Tally())  # starts the clock
 
     def pass_to(self, sink: Sink) -> None:
         """Give all rows to a sink.
@@ -97,39 +97,16 @@ class StreamInSI:
     def _again(self) -> Iterator[Block]:
         return rebatched(self.selection.source.table.blocks(self._names))
 
-    @property
-    def _time_name(self) -> list[str]:
-        return [] if self.time.channel is None else [self.time.channel]
-
     def _pass(self, blocks: Iterator[Block], sink: Sink, mended: Repair | None) -> int:
         """Pass blocks on and return the number of rows; `_DisorderError` where they are not in order."""
         timeless = _Tally()
         infinite = {channel.name: _Tally() for channel in self.selection.channels}
         row, passed, last = 0, 0, -np.inf
-        used = 0
         for block in blocks:
-            size = _rows(block)
-            if mended is not None:
-                keep = mended.keep[row : row + size]
-                count = int(np.count_nonzero(keep))
-                stamps = mended.stamps[used : used + count]
-                used += count
-                missing = ~np.isfinite(block[self._time_name[0]])
-            elif self.time.rate is not None:
-                keep, missing = None, None
-                stamps = np.arange(row, row + size)
-            else:
-                stamps = np.asarray(block[self._time_name[0]], dtype=np.float64)
-                keep = missing = None
-                if not np.isfinite(stamps.sum()):
-                    keep = np.isfinite(stamps)
-                    stamps, missing = stamps[keep], ~keep
-            if missing is not None:
-                timeless.count(missing, row)
-            row += size
-            if not stamps.size:
+            time, keep = self._seconds(block, row, mended, timeless)
+            row += _rows(block)
+            if not time.size:
                 continue
-            time = stamps / self.time.rate if self.time.rate is not None else self.clock.seconds(stamps)
             if time[0] <= last or (np.diff(time) <= 0).any():
                 if mended is not None:
                     raise InputError(f"{self.clock.where}: the time stamps are too fine to be told apart as numbers.")
@@ -140,25 +117,43 @@ class StreamInSI:
         self._say(timeless, infinite)
         return passed
 
+    def _seconds(
+        self, block: Block, row: int, mended: Repair | None, timeless: _Tally
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the times of a block that begins at `row`, and which of its rows have one (None: all)."""
+        if self.time.channel is None:
+            assert self.time.rate is not None  # a time source has the one or the other
+            return np.arange(row, row + _rows(block)) / self.time.rate, None
+        logged = np.asarray(block[self.time.channel], dtype=np.float64)
+        stamps = logged if mended is None else mended.stamps[row : row + logged.size]
+        keep = None
+        if not np.isfinite(stamps.sum()):
+            keep = np.isfinite(stamps)
+            stamps = stamps[keep]
+            timeless.count(~np.isfinite(logged), row)
+        if stamps.size:
+            self.clock.start(float(stamps[0]))
+        return self.clock.seconds(stamps), keep
+
     def _channels(
         self, block: Block, keep: np.ndarray | None, time: np.ndarray, infinite: Mapping[str, _Tally]
     ) -> Block:
         columns: Block = {}
         for channel in self.selection.channels:
             raw = block[channel.raw.name]
-            values = channel.si(raw if keep is None else raw[keep])
-            if channel.unit != "":
-                with np.errstate(all="ignore"):
-                    suspect = not np.isfinite(values.sum())
-                if suspect and (wrong := np.isinf(values)).any():
-                    values = np.where(wrong, np.nan, values)
-                    infinite[channel.name].count(wrong, 0, time)
+            with np.errstate(over="ignore", invalid="ignore"):
+                values = channel.si(raw if keep is None else raw[keep])
+                suspect = channel.unit != "" and not abs(values.sum()) < _INFINITE
+            if suspect and (wrong := np.abs(values) > _INFINITE).any():
+                values = np.where(wrong, np.nan, values)
+                infinite[channel.name].count(wrong, 0, time)
             columns[channel.name] = values
         return columns
 
     def _mended(self) -> Repair:
         """Read the stamps alone, and what tells rows logged twice from rows with coarse stamps."""
-        table, name = self.selection.source.table, self._time_name[0]
+        table, name = self.selection.source.table, self.time.channel
+        assert name is not None  # counted samples are in order
         stamps = np.concatenate([np.asarray(block[name], dtype=np.float64) for block in table.blocks([name])])
         first = next(self._again(), {})
         others = [first[other] for other in self._names if other != name and other in first]

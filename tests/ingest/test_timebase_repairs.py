@@ -50,6 +50,13 @@ def test_rows_without_time_are_dropped() -> None:
     assert "2 rows without a time dropped, first row 5" in stream.repairs[0].message
 
 
+def test_a_log_that_begins_without_times_is_dated_by_the_first_that_comes() -> None:
+    stamps = np.concatenate([np.full(40_000, np.nan), 1.7e12 + 1e3 * TRUE])
+    sink, _ = passed(stamps, unit="ms", block_rows=40_000)
+    assert sink.time[0] == 0.0
+    np.testing.assert_allclose(sink.time, TRUE, atol=1e-6)
+
+
 def test_isolated_repeated_stamps_lose_the_later_row() -> None:
     stamps = np.insert(TRUE, [101, 9001], TRUE[[100, 9000]])
     sink, stream = passed(stamps)
@@ -142,11 +149,11 @@ def test_no_time_in_any_row_is_refused() -> None:
 
 def test_infinite_values_become_missing_and_that_is_said() -> None:
     values = ROWS.copy()
-    values[[10, 20, 30]] = np.inf, -np.inf, np.nan
+    values[[10, 20, 30, 40, 50]] = np.inf, -np.inf, np.nan, 1.797e308, -1.797e308
     sink, stream = passed(TRUE, values)
-    assert np.isnan(sink.values("row")[[10, 20, 30]]).all()
-    assert np.isfinite(sink.values("row")).sum() == N - 3
-    assert "2 infinite values, first at 0.002 s" in stream.repairs[0].message
+    assert np.isnan(sink.values("row")[[10, 20, 30, 40, 50]]).all()
+    assert np.isfinite(sink.values("row")).sum() == N - 5
+    assert "4 infinite values, first at 0.002 s" in stream.repairs[0].message
 
 
 @pytest.mark.parametrize("block_rows", [64, 1000, 1 << 20])
