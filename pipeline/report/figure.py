@@ -119,14 +119,9 @@ def _scales(figure: Figure) -> list[tuple[Scale, Scale]]:
     for panel, x, y in zip(figure.panels, along_x, along_y, strict=True):
         if panel.equal and panel.x.unit == panel.y.unit and x.unit != y.unit:
             larger = max(x.unit, y.unit, key=lambda unit: unit.size)
-            x, y = _converted(x, larger.size / x.unit.size), _converted(y, larger.size / y.unit.size)
-            x, y = (Scale(s.label, larger, s.log, s.low, s.high) for s in (x, y))
+            x, y = x.read_in(larger), y.read_in(larger)
         pairs.append((x, y))
     return pairs
-
-
-def _converted(one: Scale, factor: float) -> Scale:
-    return one.widened(one.low / factor, one.high / factor)
 
 
 def _along(figure: Figure, direction: str, share: bool) -> list[Scale]:
@@ -146,15 +141,17 @@ def _along(figure: Figure, direction: str, share: bool) -> list[Scale]:
 def _frames(figure: Figure, scales: Sequence[tuple[Scale, Scale]], columns: int, shape: Shape) -> list[Frame]:
     """Return the frame of each panel; margins agree, so that axes stand under each other."""
     font = shape.font
+    scales = [
+        equal(x, y, 0.8 * shape.width, 0.8 * shape.square) if panel.equal and not x.log and not y.log else (x, y)
+        for panel, (x, y) in zip(figure.panels, scales, strict=True)
+    ]
     most_y = int((shape.height - 60) / (3 * font))
     ticks = [text for _, y in scales for text in y.ticks(most_y)[1]]
     label_lines = max(len(y_label_lines(y, shape.height, font)) for _, y in scales)
     left = max((text_width(text, font) for text in ticks), default=20) + 1.25 * font * label_lines + 15
     labels = [label for panel in figure.panels for label in ends(figure, panel, columns)]
     right = max((text_width(label, font) * 1.08 for label in labels), default=0) + (12 if labels else 14)
-    lines = max(
-        len(title_lines(panel, Frame(shape.width, 0, font, 0, 0, 0, 0))) for panel in figure.panels
-    )  # fmt: skip
+    lines = max(len(title_lines(panel, shape.width, font)) for panel in figure.panels)
     top = 10 + (lines * 1.25 * font + 6 if lines else 0)
     frames = []
     for panel in figure.panels:

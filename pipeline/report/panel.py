@@ -98,7 +98,7 @@ def draw_panel(panel: Panel, x: Scale, y: Scale, frame: Frame, ends: Mapping[str
         _write_ends(axes, ends, x, y, frame)
         if extent(panel.marks, "x", x.log) is None or extent(panel.marks, "y", y.log) is None:
             axes.text(0.5, 0.5, "no data", transform=axes.transAxes, ha="center", color=QUIET[0], fontsize=frame.font)
-    for line, text in enumerate(reversed(title_lines(panel, frame))):
+    for line, text in enumerate(reversed(title_lines(panel, frame.width, frame.font))):
         place = 1 + (7 + line * 1.25 * frame.font) / inner[1]
         axes.text(-(frame.left - 4) / inner[0], place, text, transform=axes.transAxes, ha="left", va="bottom",
                   fontsize=frame.font + 0.5, fontweight="bold")  # fmt: skip
@@ -122,9 +122,9 @@ def draw_thumbnail(panel: Panel, x: Scale, y: Scale, width: float, height: float
     return inline(_svg(figure, salt))
 
 
-def title_lines(panel: Panel, frame: Frame) -> list[str]:
+def title_lines(panel: Panel, width: float, font: float) -> list[str]:
     """Return the title broken into lines as wide as the panel."""
-    return wrapped(panel.title, frame.width - 12, frame.font + 1) if panel.title else []
+    return wrapped(panel.title, width - 12, font + 1) if panel.title else []
 
 
 def y_label_lines(y: Scale, height: float, font: float) -> list[str]:

@@ -109,11 +109,16 @@ def _meaning(parameter: Parameter, experiment: Experiment) -> str:
 
 def _range_row(parameters: Sequence[Parameter], experiment: Experiment) -> tuple[Shown, Reading | None, str]:
     unit = common_unit(parameters)
-    values = [parameter.value / unit.size for parameter in parameters if parameter.value is not None]
-    what = Shown(symbol_of(parameters[0]), f"{_meaning(parameters[0], experiment)}; range over {len(values)} "
-                 "operating points, each with its interval under All parameters")  # fmt: skip
-    shown = Reading(f"{plain(min(values), 3)} … {plain(max(values), 3)}") if values else None
-    return what, shown, unit.name
+    known = [parameter for parameter in parameters if parameter.value is not None]
+    if not known:
+        return Shown(symbol_of(parameters[0]), _meaning(parameters[0], experiment)), None, unit.name
+    values = [(parameter.value or 0.0) / unit.size for parameter in known]
+    about = f"{_meaning(known[0], experiment)}; range over {len(known)} operating points, see All parameters"
+    return (
+        Shown(symbol_of(known[0]), about),
+        Reading(f"{plain(min(values), 3)} … {plain(max(values), 3)}"),
+        unit.name,
+    )
 
 
 def _list_view(
@@ -174,7 +179,9 @@ def _varying_view(parameters: Sequence[Parameter], experiment: Experiment) -> Ta
         Table("parameters-" + "-".join(conditions), title, "Below each value its 95 % interval.", columns, lines)
     )
     notes = [
-        Markup("{} <code>{}</code>: {}").format(symbol_of(first[name]), name, _about(parameters, name, experiment))
+        Markup("{} <code>{}</code>: {}").format(
+            symbol_of(first[name]), clean(name), _about(parameters, name, experiment)
+        )
         for name in names
     ]
     return TableView(view.name, view.title, view.caption, view.heads, view.rows, view.left_out, notes)

@@ -46,6 +46,11 @@ class Scale:
         places = _linear_places(self.low, self.high, most, self.unit.name == "°")
         return places, _linear_texts(places)
 
+    def read_in(self, unit: ReadingUnit) -> Scale:
+        """Return the same scale in another unit of the same kind."""
+        factor = self.unit.size / unit.size
+        return replace(self, unit=unit, low=self.low * factor, high=self.high * factor)
+
     def widened(self, low: float, high: float) -> Scale:
         """Return the same scale with other limits (unit for reading)."""
         return replace(self, low=low, high=high)
