@@ -202,7 +202,8 @@ def _find_time(source: Source, entry: ChannelMap) -> TimeSource:
 def _channel(source: Source, name: str, unit: str | None) -> TimeSource:
     raw = next((channel for channel in source.table.channels if channel.name == name), None)
     if raw is not None and raw.is_text:
-        first = next((str(v) for b in source.table.blocks([name]) for v in b[name] if str(v).strip()), "")
+        words = (str(v) for block in source.table.blocks([name]) for v in block[name] if v is not None)
+        first = next((word for word in words if word.strip()), "")
         raise InputError(
             f"{source.where}, channel '{name}': holds text where time is expected, first '{first[:40]}'. Write times "
             "as numbers or as dates like 2024-05-31T12:00:00.123, or give the rate in the recipe: "

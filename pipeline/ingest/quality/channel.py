@@ -137,7 +137,7 @@ class ChannelQuality:
         return [self._said(level, f"has no value in {count} (NaN, {100 * part:.2g} %), {place}.", self._gone)]
 
     def _said_dead(self) -> QualityFinding:
-        what = f"is {self._value(self._sum / self.present)} in every sample: a dead channel, or a set value."
+        what = f"is {self._value(self._upper.level)} in every sample: a dead channel, or a set value."
         return self._said("warning" if self.channel.required else "note", what)
 
     def _said_clipped(self) -> list[QualityFinding]:
@@ -151,8 +151,8 @@ class ChannelQuality:
         return [
             self._said(
                 "warning",
-                f"is clipped (saturated) at {levels}: it stays there for {samples} samples ({100 * samples / self.n:.2g} %) in "
-                f"{places}, first at {span[0]:.6g} s. The range of sensor or amplifier was too small.",
+                f"is clipped (saturated) at {levels}: it stays there for {samples} samples "
+                f"({100 * samples / self.n:.2g} %) in {places}, first at {span[0]:.6g} s. The range of sensor or amplifier was too small.",
                 span,
             )
         ]
@@ -165,8 +165,8 @@ class ChannelQuality:
             where = f"has a spike (outlier) at {spikes.first:.6g} s, {self._value(spikes.largest)} high."
         else:
             where = (
-                f"has {spikes.count} spikes (outliers), first at {spikes.first:.6g} s, the largest {self._value(spikes.largest)} "
-                f"high at {spikes.at_largest:.6g} s."
+                f"has {spikes.count} spikes (outliers), first at {spikes.first:.6g} s, "
+                f"the largest {self._value(spikes.largest)} high at {spikes.at_largest:.6g} s."
             )
         return [self._said("warning", where, (spikes.at_largest, spikes.at_largest))]
 
