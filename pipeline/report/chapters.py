@@ -183,10 +183,13 @@ def _facts(provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             told = ", ".join(_told(entry) for entry in value)
         else:
             told = _told(value)
-        yield clean(str(name)).replace("_", " "), clean(told)
+        if told:
+            yield clean(str(name)).replace("_", " "), clean(told)
 
 
 def _told(value: Any) -> str:
+    if value is None:
+        return "none"
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False, default=str)
 
 
