@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does, before numpy is imported
 
 TOY_RIG = Path(__file__).parent / "toy_rig"
 sys.path.insert(0, str(TOY_RIG))  # its entry point makes it a rig, as an installed package's would

@@ -132,7 +132,7 @@ def ramp(seed: int = 0) -> Recording:
     rng = np.random.default_rng(seed)
     time = np.arange(0, 20, 0.02)
     x = 0.01 * np.minimum(time, 20 - time) / 10
-    force = 50 * x / 0.01 + np.where(time < 10, 2.0, -2.0) * (x / 0.01) + rng.normal(0, 0.01, time.size)
+    force = 50 * x / 0.01 + np.where(time <= 10, 2.0, -2.0) * (x / 0.01) + rng.normal(0, 0.01, time.size)
     channels = {"displacement": Channel("displacement", x, "m"), "force": Channel("force", force, "N")}
     return Recording("ramp", {"": Stream("", time, channels)})
 
