@@ -164,5 +164,5 @@ def test_nothing_usable_is_an_input_error_that_names_each_run() -> None:
         "displacement": Channel("displacement", np.zeros(time.size), "m"),
         "force": Channel("force", np.sin(time), "N"),
     }
-    with pytest.raises(InputError, match="still_run.*the channel displacement is dead"):
+    with pytest.raises(InputError, match=r"still_run.*the channel displacement is dead"):
         identified([Recording("still_run", {"": Stream("", time, still)})])
