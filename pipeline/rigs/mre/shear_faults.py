@@ -75,23 +75,28 @@ def _modulus(runs: SortedRuns) -> str:
 def _labels(recordings: Sequence[Recording], runs: SortedRuns) -> str:
     """Say amplitudes that the labels give otherwise; doubt labels of current that the channel contradicts."""
     conditions = {recording.run: recording.conditions for recording in recordings}
+    ratios: dict[str, float] = {}
     swapped = []
     for usable in runs.loops:
         assert usable.loop is not None
-        label, current = conditions[usable.run].get("amplitude"), conditions[usable.run].get("coil_current")
-        measured = usable.loop.amplitude
-        if isinstance(label, float) and label > 0 and not 1 / _LABEL_RATIO < measured / label < _LABEL_RATIO:
-            ratio = measured / label
-            thousand = " That is a factor of about 1000: mm taken as m?" if not 1 / 300 < ratio < 300 else ""
-            runs.say(
-                "warning",
-                usable.run,
-                f"the amplitude is {measured:.3g} m but its label says {label:.3g} m ({ratio:.3g} times that).{thousand} "
-                "The measured one is used.",
-                "displacement",
-            )
+        amplitude, current = (conditions[usable.run].get(name) for name in ("amplitude", "coil_current"))
+        if isinstance(amplitude, float) and amplitude > 0:
+            ratio = usable.loop.amplitude / amplitude
+            if not 1 / _LABEL_RATIO < ratio < _LABEL_RATIO:
+                ratios[usable.run] = ratio
         if isinstance(current, float) and usable.current is not None and apart(usable.current, current):
             swapped.append(usable.run)
+    if ratios:
+        middle = float(np.median(list(ratios.values())))
+        thousand = " A factor of about 1000: mm taken as m?" if not 1 / 300 < middle < 300 else ""
+        double = " A factor of about 2: is the label peak to peak?" if 1.8 < 1 / middle < 2.2 else ""
+        runs.say(
+            "warning",
+            next(iter(ratios)) if len(ratios) == 1 else None,
+            f"the amplitude is {middle:.3g} times what the label says ({listing(ratios, 4)}).{thousand}{double} The measured "
+            "one is used.",
+            "displacement",
+        )
     if not swapped:
         return ""
     return f"The measured coil current contradicts the label of {listing(swapped, 6)}; the measured one was used."

@@ -50,10 +50,8 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
     preloads = _preloads(runs, fit)
     times = _records(runs, settings) if not runs.loops else []
     if runs.loops and runs.records:
-        names = ", ".join(usable.run for usable in runs.records)
-        runs.say(
-            "note", None, f"the dynamic model is that of the steady loops; records without a period only: {names}."
-        )
+        for usable in list(runs.records):
+            runs.set_aside(usable.run, f"no steady cycles ({usable.excitation.reason}), which the other runs have")
     doubts = say_faults(runs, recordings, fit)
     judgement = judge(runs, fit, times, doubts)
     if others:

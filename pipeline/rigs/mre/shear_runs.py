@@ -65,8 +65,9 @@ class SortedRuns:
         self.say("error", run, f"left out: {reason}", channel)
 
     def set_aside(self, run: str, reason: str, channel: str | None = None) -> None:
-        """Leave out a run that was held for a good loop."""
+        """Leave out a run that was held for usable."""
         self.loops = [usable for usable in self.loops if usable.run != run]
+        self.records = [usable for usable in self.records if usable.run != run]
         self.leave_out(run, reason, channel)
 
     @property
