@@ -11,6 +11,8 @@ from pipeline.ingest.quality.window import CONTEXT, Window, cut_off
 # Shorter stretches than this many samples are never called stuck.
 SHORTEST = 20
 _KEPT = 16
+# A signal that goes on unseen is so many of its largest steps away when it is seen again.
+_JUMPS = 4.0
 
 
 @dataclass
@@ -18,7 +20,7 @@ class Stretch:
     """Equal samples in succession: how many, their value, from when to when (s).
 
     `stopped` tells whether the signal was cut off at its start (`cut_off`); None where the record
-    begins with it.
+    begins with it. `fastest` is the largest step before it, `jump` the step that ends it.
     """
 
     length: int
@@ -26,6 +28,13 @@ class Stretch:
     start: float
     end: float
     stopped: bool | None
+    fastest: float = 0.0
+    jump: float = 0.0
+
+    @property
+    def is_freeze(self) -> bool:
+        """Tell whether it began or ended as no quantity of nature does."""
+        return bool(self.stopped) or self.jump > _JUMPS * self.fastest > 0.0
 
 
 class ConstantStretches:
@@ -54,38 +63,43 @@ class ConstantStretches:
             self._open.end = window.moment(values.size - 1)
             return
         first, last = _in_succession(still)
-        if first.size and first[0] == 0:
-            self._open.length += int(last[0]) + 1
-            self._open.end = window.moment(begin + int(last[0]) + 1)
-        self._close()
+        head = int(last[0]) + 1 if first.size and first[0] == 0 else 0
+        if head:
+            self._open.length += head
+            self._open.end = window.moment(begin + head)
+        self._close(float(window.sizes[begin + head]))
         long = np.flatnonzero((last - first + 2 >= SHORTEST) & (first > 0) & (last < n_steps - 1))
         if long.size > _KEPT:
             long = np.sort(long[np.argsort((last - first)[long], kind="stable")[-_KEPT:]])
         for at in long.tolist():
-            self._begin(window, begin + int(first[at]), begin + int(last[at]) + 1)
-            self._close()
+            end = begin + int(last[at]) + 1
+            self._begin(window, begin + int(first[at]), end)
+            self._close(float(window.sizes[end]))
         tail = int(first[-1]) if first.size and last[-1] == n_steps - 1 else n_steps
         self._begin(window, begin + tail, values.size - 1)
 
     def finish(self) -> None:
         """Close the stretch that reaches the end of the record."""
-        self._close()
+        self._close(0.0)
         self._open = None
 
     def _begin(self, window: Window, first: int, last: int) -> None:
         length, value = last - first + 1, float(window.values[first])
-        stopped = None
+        stretch = Stretch(length, value, window.moment(first), window.moment(last), None)
         if first > 0:
             # A stretch that is still short may go on in the next block, when its start is out of sight.
             reach = CONTEXT if last == window.values.size - 1 else min(length, CONTEXT)
-            stopped = length >= SHORTEST or last == window.values.size - 1
-            stopped = stopped and cut_off(window.before(first, max(reach, 32)), value)
-        self._open = Stretch(length, value, window.moment(first), window.moment(last), stopped)
+            before = window.before(first, max(reach, 32))
+            stretch.stopped = cut_off(before, value)
+            stretch.fastest = float(np.abs(np.diff(before)).max(initial=0.0))
+        self._open = stretch
 
-    def _close(self) -> None:
+    def _close(self, jump: float) -> None:
+        """Keep the open stretch if it is long; `jump` is the step that ends it."""
         stretch = self._open
         if stretch is None or stretch.length < SHORTEST:
             return
+        stretch.jump = jump
         self.longest.append(stretch)
         if len(self.longest) > _KEPT:
             self.longest.sort(key=lambda one: -one.length)
@@ -109,7 +123,9 @@ class ConstantStretches:
         if restless < 0.5 or 4 * max(others, default=0) > min(one.length for one in long):
             return []
         values = [one.value for one in long]
-        return sorted((one for one in long if one.stopped and values.count(one.value) == 1), key=lambda one: one.start)
+        return sorted(
+            (one for one in long if one.is_freeze and values.count(one.value) == 1), key=lambda one: one.start
+        )
 
 
 def _in_succession(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

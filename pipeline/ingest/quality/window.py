@@ -65,21 +65,31 @@ def cut_off(before: np.ndarray, level: float) -> bool:
     at = np.flatnonzero(steps)
     if at.size < 4:
         return False
-    recent = np.sign(steps[at[-32:]])
-    between_turns = np.diff(np.flatnonzero(recent[1:] != recent[:-1]))
-    if np.count_nonzero(between_turns <= 2) >= 2:  # noise: no wave turns twice within two samples
+    recent = steps[at[-32:]]
+    between_turns = np.diff(np.flatnonzero(recent[1:] * recent[:-1] < 0))
+    # No wave turns twice within two samples. Steps of one size only are the last bit's, not noise.
+    is_noise = np.count_nonzero(between_turns <= 2) >= 2
+    if is_noise and np.abs(recent).max() > 1.5 * np.abs(recent).min():
         return True
     turns = np.flatnonzero(steps * steps[at[-1]] < 0)
     at = at[at > turns[-1]] if turns.size else at
-    if at.size < 4:
-        return False
-    course = course[at[0] :]
-    sizes = np.abs(np.diff(course))
-    quantum = float(np.abs(steps[at]).min())
+    if at.size < 4:  # it has just turned: a wave in motion does not stop there, a ramp after a plateau may
+        return bool(steps.size >= 12 and steps[-24:].all())
+    # The first and the last step may be parts of one: where a plateau ended and where this one begins.
+    course, smallest = course[at[0] + 1 : -1], float(np.abs(steps[at[1:-1]]).min())
     straight = np.linspace(course[0], course[-1], course.size)
-    if np.abs(course - straight).max() <= 1.05 * quantum:
+    if np.abs(course - straight).max() <= 1.05 * _resolution(before):
         return False
-    return bool(sizes[-2:].sum() >= 0.3 * sizes.mean()) and _way_left(at, np.abs(steps[at])) > 2.0 * quantum
+    sizes = np.abs(steps[at[0] :])
+    return bool(sizes[-2:].sum() >= 0.3 * sizes.mean()) and _way_left(at, np.abs(steps[at])) > 2.0 * smallest
+
+
+def _resolution(values: np.ndarray) -> float:
+    """Return the smallest distance between different values, rounding of floating-point numbers aside."""
+    levels = np.sort(values)
+    distances = np.diff(levels)
+    rounding = 1e-9 * float(levels[-1] - levels[0])
+    return float(distances[distances > rounding].min(initial=levels[-1] - levels[0]))
 
 
 def _way_left(at: np.ndarray, sizes: np.ndarray) -> float:
