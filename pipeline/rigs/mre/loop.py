@@ -91,6 +91,11 @@ def curve(coefficients: np.ndarray, points: int = 256) -> np.ndarray:
     return np.fft.irfft(spectrum, points)
 
 
+def drift_degree(cycles: float) -> int:
+    """Return the degree of the polynomial that stands for slow drift over so many cycles."""
+    return 0 if cycles < 3 else 1 if cycles < 8 else 3
+
+
 def half_range(coefficients: np.ndarray) -> float:
     """Return half the peak-to-peak value of a harmonic series of shape (k,)."""
     value, _ = _half_range_with_slope(coefficients)
@@ -148,7 +153,7 @@ def fit_loop(
     found = fundamental(time, displacement, frequency)
     f, duration = found.value, float(time[-1] - time[0])
     cycles = f * duration
-    drift = 0 if cycles < 3 else 1 if cycles < 8 else 3
+    drift = drift_degree(cycles)
     rate = (time.size - 1) / duration
     highest = max(int(0.45 * rate / f), 1)
     n_x, n_f = min(N_X, highest), min(N_F, highest)

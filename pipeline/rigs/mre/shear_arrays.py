@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.rigs.mre.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.leave_one_out import LeaveOneOut
-from pipeline.rigs.mre.loop import Loop, curve
+from pipeline.rigs.mre.loop import Loop, curve, drift_degree
 from pipeline.rigs.mre.preload import PreloadTable
 from pipeline.rigs.mre.shear_parameters import run_metrics
 from pipeline.rigs.mre.shear_runs import SortedRuns
@@ -96,9 +96,20 @@ def _samples(runs: SortedRuns) -> pd.DataFrame:
         assert usable.loop is not None
         series = usable.series
         step = max(series.time.size // _SAMPLES, 1)
-        x, F = series.x[::step] - usable.loop.x_mean, series.F[::step] - usable.loop.f_mean
+        x = _without_drift(series.time, series.x, usable.loop.X, usable.loop)[::step]
+        F = _without_drift(series.time, series.F, usable.loop.F, usable.loop)[::step]
         parts.append(pd.DataFrame({"run": usable.run, "displacement": x, "force": F}))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def _without_drift(time: np.ndarray, values: np.ndarray, harmonics: np.ndarray, loop: Loop) -> np.ndarray:
+    """Return the samples less the slow drift that the regression of the loop takes out as well."""
+    phase = loop.omega * (time - time[0])
+    steady = np.zeros(time.size)
+    for order, coefficient in enumerate(harmonics, 1):
+        steady += (coefficient * np.exp(1j * order * loop.omega * time[0]) * np.exp(1j * order * phase)).real
+    drift = np.polynomial.Polynomial.fit(time, values - steady, drift_degree(loop.frequency * loop.duration))
+    return np.asarray(values - drift(time))
 
 
 def _half_cycles(runs: SortedRuns) -> pd.DataFrame:

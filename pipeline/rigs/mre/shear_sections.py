@@ -405,23 +405,23 @@ def _runs(findings: Findings) -> list[Table]:
     used = table[table["chi2_reduced"].notna()].head(200)
     columns = [
         Column("run"),
-        Column("misfit of the force in %"),
+        Column("misfit of the force", "%"),
         Column("chi2 per datum"),
-        Column("gain against the model in %"),
+        Column("gain against the model", "%"),
     ]
     predicted = "prediction_nrmse" in used and used["prediction_nrmse"].notna().any()
     if predicted:
-        columns.append(Column("misfit in % when predicted by the others"))
+        columns.append(Column("misfit when predicted by the others", "%"))
     rows = []
     for row in used.to_dict("records"):
         cells: list[str | float | None] = [
             row["run"],
-            _percent(row["nrmse"]),
+            _three(row["nrmse"]),
             f"{row['chi2_reduced']:.3g}",
-            _percent(row["gain"]),
+            _three(row["gain"]),
         ]
         if predicted:
-            cells.append(_percent(row["prediction_nrmse"]))
+            cells.append(_three(row["prediction_nrmse"]))
         rows.append(cells)
     return [
         Table(
@@ -435,5 +435,5 @@ def _runs(findings: Findings) -> list[Table]:
     ]
 
 
-def _percent(value: float | None) -> str:
-    return "" if value is None or not np.isfinite(value) else f"{100 * value:.3g}"
+def _three(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(f"{value:.3g}") + 0.0
