@@ -73,13 +73,13 @@ def test_intervals_hold_the_truth(scatter: float) -> None:
 
 
 def test_plain_least_squares_would_be_led_astray_by_gain_scatter() -> None:
-    loops = noisy({"gain_scatter": 0.004}, 3)
-    plain = identify_loops(loops, replace(ONE_VARIANT, scatter=False)).selected
-    allowed = identify_loops(loops, ONE_VARIANT).selected
-    error = {
-        name: [abs(fit.one(name).value / row[0] - 1) for fit in (plain, allowed)] for name, row in EXPECTED.items()
-    }
-    assert np.mean([plain_error for plain_error, _ in error.values()]) > 3 * np.mean([e for _, e in error.values()])
+    errors: dict[bool, list[float]] = {False: [], True: []}
+    for seed in range(5):
+        loops = noisy({"gain_scatter": 0.004}, seed)
+        for scatter, found in errors.items():
+            fit = identify_loops(loops, replace(ONE_VARIANT, scatter=scatter, starts=1)).selected
+            found += [fit.one(name).value / row[0] - 1 for name, row in EXPECTED.items()]
+    assert np.std(errors[False]) > 4 * np.std(errors[True])
 
 
 @pytest.mark.parametrize(
@@ -199,8 +199,8 @@ def test_wrong_model_is_rejected_and_plain_least_squares_reported() -> None:
     loops = []
     for loop in noisy({}, 1):  # a hardening spring that the model does not have
         F = loop.F.copy()
-        F[0] += 0.75 * 2e11 * loop.X[0] * abs(loop.X[0]) ** 2
-        F[2] += 0.25 * 2e11 * loop.X[0] ** 3
+        F[0] += 0.75 * 2e10 * loop.X[0] * abs(loop.X[0]) ** 2
+        F[2] += 0.25 * 2e10 * loop.X[0] ** 3
         loops.append(replace(loop, F=F))
     fit = identify_loops(loops, ONE_VARIANT).selected
     assert fit.rejected

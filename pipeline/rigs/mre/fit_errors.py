@@ -93,7 +93,8 @@ def errors_with_scatter(
         covariance[np.ix_(~held, ~held)] = covariance_of(jacobian[:, ~held])[0] * factor
     if scatter.value == 0:
         return Errors(covariance, np.zeros((jacobian.shape[1], 0)), 0.0)
-    return Errors(covariance, covariance @ jacobian.T @ V, scatter.variance_of_square)
+    pull = covariance @ np.where(held[:, None], 0.0, jacobian.T @ V)
+    return Errors(covariance, pull, scatter.variance_of_square)
 
 
 def errors_of_wrong_model(jacobian: np.ndarray, residual: np.ndarray, runs: np.ndarray, dof: int) -> Errors:

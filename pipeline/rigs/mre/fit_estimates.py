@@ -11,9 +11,6 @@ from pipeline.estimation.uncertainty import t_quantile
 from pipeline.rigs.mre.determination import Determination
 from pipeline.rigs.mre.fit_errors import Errors, Key, increment_of, shared_name
 
-# s1 = k1 tau is told where it is known this well although k1 or tau is lost.
-_LARGEST_OF_PRODUCT = 0.1
-
 
 def impossible(keys: Sequence[Key], values: np.ndarray, errors: Errors, verdict: Determination) -> tuple[str, ...]:
     """Return the determined parameters that cannot be negative and are, by more than two standard errors."""
@@ -95,13 +92,13 @@ def _damper(
     errors: Errors,
     verdict: Determination,
 ) -> Estimate:
-    """Return s1 = k1 tau; the product may hold where its factors do not (omega tau << 1)."""
+    """Return s1 = k1 tau, where both are determined."""
     tau, k1 = index[Key("tau")], index[Key("k1")]
     gradient = np.zeros(len(index))
     gradient[[k1, tau]] = values[tau], values[k1]
     sd, dof = errors.of(gradient)
     value = float(values[k1] * values[tau])
     lost = {"k1", "tau"} & {*verdict.undetermined}
-    if lost and not sd < _LARGEST_OF_PRODUCT * abs(value):
+    if lost:
         return undetermined("s1", f"needs k1 and tau; {' and '.join(sorted(lost))} not determined")
     return estimate("s1", value, sd, dof=dof)
