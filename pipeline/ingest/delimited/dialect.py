@@ -20,11 +20,12 @@ MAX_COLUMNS = 10_000
 BLANKS = " "  # as a delimiter: runs of spaces and tabs
 ONE_COLUMN = ""
 _DELIMITERS = ("\t", ";", "|", ",", BLANKS)  # of equally good ones the first wins
+_HIDDEN = "\t;|"  # within a cell of text these rather part cells; commas and blanks stand in sentences
 _NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma", BLANKS: "runs of blanks", ONE_COLUMN: "none"}
 _COMMENT_MARKS = ("#", "%", "//", ";", "*", "!")
 _ARROW = " -> "
 _STAMPED_LINE = re.compile(r"\d\d:\d\d:\d\d(\.\d+)? -> ")
-_TOKEN = re.compile(r'"[^"]*"|\S+')
+_TOKEN = re.compile(r'(?:"[^"]*"|\S)+')
 _SAMPLE_LINES = 200
 _FEW_LINES = 8
 _CLEARLY, _HALF = 1.2, 0.5
@@ -51,11 +52,16 @@ class Dialect:
         return tuple(mark for mark in _COMMENT_MARKS if mark != self.delimiter)
 
     def comment(self, line: str) -> str | None:
-        """Return what a comment line says, None where the line is none."""
-        text = line.strip().strip('"').lstrip() if line.lstrip()[:2].startswith('"') else line.strip()
+        """Return what a comment line says, None where the line is none; a cell ``%`` or ``#`` does not make it one."""
+        text = line.strip()
+        if text[:1] == '"':
+            text = text.strip('"').lstrip()
         if not text.startswith(self.comment_marks):
             return None
-        return text.lstrip("".join(self.comment_marks)).strip()
+        said = text.lstrip("".join(self.comment_marks))
+        if self.delimiter not in (BLANKS, ONE_COLUMN) and said.startswith((self.delimiter, '"')):
+            return None
+        return said.strip()
 
     def split(self, line: str) -> list[str]:
         """Return the cells of a line, trimmed and without quotes."""
@@ -159,10 +165,11 @@ def _fit(dialect: Dialect, sample: Sequence[str], where: str) -> Fit:
 
 
 def _share_of_numbers(cells: Sequence[str]) -> float:
-    """Return which part of the filled cells are numbers or time stamps."""
+    """Return which part of the filled cells are numbers or time stamps; text counts as what it may be parted into."""
     filled = [cell for cell in cells if not is_missing(cell)]
-    good = sum(is_number(cell) or looks_like_stamp(cell) for cell in filled)
-    return good / len(filled) if filled else 0.0
+    texts = [cell for cell in filled if not (is_number(cell) or looks_like_stamp(cell))]
+    hidden = sum(text.count(delimiter) for text in texts for delimiter in _HIDDEN)
+    return (len(filled) - len(texts)) / (len(filled) + hidden) if filled else 0.0
 
 
 def _is_one_column(one: Fit, best: Fit, lines: Sequence[str]) -> bool:

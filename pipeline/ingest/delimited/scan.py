@@ -25,7 +25,7 @@ _TENS = np.array([10.0**power for power in range(_EXACT_POWER + 1)])
 def _is_end(byte, delimiter, quoted, in_blanks):  # type: ignore[no-untyped-def]
     if quoted:
         return byte == _QUOTE
-    return byte == delimiter or byte == _LINE_FEED or byte == _RETURN or (in_blanks and byte == _TAB)  # noqa: SIM109
+    return byte in (delimiter, _LINE_FEED, _RETURN) or (in_blanks and byte == _TAB)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -110,7 +110,7 @@ def scan(data, delimiter, decimal, kinds, slots, marks, numbers, spans, unusual)
                     is_small = data[i] == _MINUS
                     if is_small or data[i] == _PLUS:
                         i += 1
-                    first, exponent = i, 0
+                    first, exponent = i, np.int64(0)
                     digit = np.uint64(data[i]) - _NOUGHT
                     while digit < _TEN and i - first < 4:
                         exponent = exponent * 10 + np.int64(digit)
