@@ -17,7 +17,7 @@ from pipeline.rigs.mre.loop import Loop, group_levels
 from pipeline.rigs.mre.preload import PreloadTable, preload_table, split_by_preload
 from pipeline.rigs.mre.shear import ShearSettings
 from pipeline.rigs.mre.shear_arrays import arrays_of
-from pipeline.rigs.mre.shear_faults import say_faults
+from pipeline.rigs.mre.shear_faults import mains_instead, say_faults, say_faults_of_fit
 from pipeline.rigs.mre.shear_odd import set_odd_runs_aside
 from pipeline.rigs.mre.shear_parameters import Labels, loop_parameters, models_of, parameters_of
 from pipeline.rigs.mre.shear_published import published
@@ -41,10 +41,14 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
         If no run can be used at all.
     """
     runs = sort_runs(recordings, settings)
-    if not runs.usable:
-        raise InputError(_nothing_usable(runs, context))
+    condemned = not runs.usable
+    if condemned:
+        if not runs.faulty:
+            raise InputError(_nothing_usable(runs, context))
+        runs.loops = runs.faulty
     options = _options(settings, recordings)
-    dynamic, others = _dynamic(runs, options, settings)
+    doubts = say_faults(runs, recordings)
+    dynamic, others = (None, []) if condemned else _dynamic(runs, options, settings)
     fit = dynamic.selected if dynamic else None
     without = leave_one_out(fit, options) if fit is not None and len(fit.loops) > 1 else None
     preloads = _preloads(runs, fit)
@@ -52,8 +56,8 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
     if runs.loops and runs.records:
         for usable in list(runs.records):
             runs.set_aside(usable.run, f"no steady cycles ({usable.excitation.reason}), which the other runs have")
-    doubts = say_faults(runs, recordings, fit)
-    judgement = judge(runs, fit, times, doubts)
+    doubts += say_faults_of_fit(runs, fit) if fit is not None else []
+    judgement = judge(runs, fit, times, doubts, condemned)
     if others:
         names = ", ".join(loop.run for loop in others)
         runs.say("note", None, f"runs of another preload do not enter the dynamic fit: {names}.")
@@ -113,12 +117,18 @@ def _dynamic(
         runs.say("warning", None, f"the dynamic model was not fitted: {error}.")
         return None, others
     found = _with_mass(found, main, options, settings, runs)
-    found, odd = set_odd_runs_aside(found, main, options)
+    found, odd, pair = set_odd_runs_aside(found, main, options)
     for run in odd:
         runs.set_aside(run.run, run.reason, "force")
+    if pair:
+        runs.say(
+            "warning", None, f"{listing(pair)} contradict each other; which of them is wrong cannot be told.", "force"
+        )
     if odd:
         left = {loop.run for loop in found.selected.loops}
         found = _with_mass(found, [loop for loop in main if loop.run in left], options, settings, runs)
+    if found.selected.rejected:
+        mains_instead(found.selected, main, options, settings.mains_frequency, runs)
     return found, others
 
 

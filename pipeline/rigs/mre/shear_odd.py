@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,8 @@ _STAY_PER_ODD, _FEWEST = 5, 4
 # A run stands out whose gain is this much, and this many robust standard deviations, off the others; to
 # be set aside, the scatter of the others must be less than this share of the scatter with it.
 _GAIN_SIZE, _GAIN_APART, _CALMER = 0.01, 6.0, 0.5
+# Another run is a rival where chi2 without it is less than that without the odd run over this.
+_RIVAL = 0.4
 # An explanation holds that leaves less than this share of the misfit.
 _EXPLAINED = 0.3
 
@@ -36,11 +38,11 @@ class OddRun:
 
 def set_odd_runs_aside(
     found: Identification, loops: Sequence[Loop], options: FitOptions
-) -> tuple[Identification, tuple[OddRun, ...]]:
-    """Return the identification without the runs that contradict the others, and those runs.
+) -> tuple[Identification, tuple[OddRun, ...], tuple[str, ...]]:
+    """Return the identification without the runs that contradict the others, those runs, and rivals.
 
-    `loops` are those that `found` was made from. Where no few runs explain the contradiction, `found`
-    comes back as it is.
+    `loops` are those that `found` was made from. Where no few runs explain the contradiction, or others
+    would explain it as well (these are the rivals), `found` comes back as it is.
     """
     best, kept = found, list(loops)
     odd: list[Loop] = []
@@ -57,8 +59,22 @@ def set_odd_runs_aside(
         odd += [loop for loop in kept if loop.run == name]
         best, kept = without, trial
     if best.selected.rejected or not odd:
-        return found, ()
-    return best, tuple(OddRun(loop.run, _reason(loop, best.selected, found.selected)) for loop in odd)
+        return found, (), ()
+    for loop in odd:
+        rivals = _rivals(loop, kept, best.selected, options)
+        if rivals:
+            return found, (), (loop.run, *rivals)
+    reasons = tuple(OddRun(loop.run, _reason(loop, best.selected, found.selected)) for loop in odd)
+    return best, reasons, ()
+
+
+def _rivals(odd: Loop, kept: Sequence[Loop], fit: DynamicFit, options: FitOptions) -> tuple[str, ...]:
+    """Return the runs whose absence would make the others agree about as well as that of `odd`."""
+    plain = replace(options, scatter=False, variants=(fit.variant,) if len(fit.levels) > 1 else options.variants)
+    together = identify_loops([*kept, odd], plain).selected
+    without = leave_one_out(together, plain).chi2_without
+    limit = max(without[odd.run], 1.0) / _RIVAL
+    return tuple(run for run, chi2 in without.items() if run != odd.run and chi2 < limit)
 
 
 def _suspect(fit: DynamicFit, options: FitOptions) -> str | None:

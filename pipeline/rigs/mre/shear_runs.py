@@ -46,12 +46,16 @@ class UsableRun:
 
 @dataclass
 class SortedRuns:
-    """Runs by what they are, those left out with reasons, and findings on the way."""
+    """Runs by what they are, those left out with reasons, and findings on the way.
+
+    `faulty` are loops among those left out: they can be shown, not used.
+    """
 
     loops: list[UsableRun] = field(default_factory=list)
     half_cycles: list[UsableRun] = field(default_factory=list)
     records: list[UsableRun] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
+    faulty: list[UsableRun] = field(default_factory=list)
     quality: list[QualityFinding] = field(default_factory=list)
 
     def say(self, level: str, run: str | None, message: str, channel: str | None = None) -> None:
@@ -88,7 +92,15 @@ def sort_runs(recordings: Sequence[Recording], settings: ShearSettings) -> Sorte
             continue
         if hashes:
             seen[hashes] = recording.run
-        _sort_one(recording, settings, runs)
+        try:
+            series = samples_of(recording, runs.quality.append)
+            _sort_one(recording, series, settings, runs)
+        except UnfitError as error:
+            runs.leave_out(recording.run, str(error), error.channel)
+            if error.series is not None:
+                _keep_to_show(recording, error.series, settings, runs)
+        except InputError as error:
+            runs.leave_out(recording.run, str(error))
     _other_units(runs)
     if settings.mains_frequency > 0:
         _on_the_mains(runs, settings.mains_frequency)
@@ -138,21 +150,11 @@ def _other_units(runs: SortedRuns) -> None:
         )
 
 
-def _sort_one(recording: Recording, settings: ShearSettings, runs: SortedRuns) -> None:
-    run = recording.run
-    try:
-        series = samples_of(recording, runs.quality.append)
-        excitation = classify(series.time, series.x)
-    except UnfitError as error:
-        runs.leave_out(run, str(error), error.channel)
-        return
-    except InputError as error:
-        runs.leave_out(run, str(error))
-        return
-    usable = UsableRun(
-        run=run,
+def _usable(recording: Recording, series: Series, runs: SortedRuns) -> UsableRun:
+    return UsableRun(
+        run=recording.run,
         series=series,
-        excitation=excitation,
+        excitation=classify(series.time, series.x),
         current=_current(recording, runs),
         preload=_number(recording, "preload"),
         pads=_pads(recording),
@@ -160,6 +162,21 @@ def _sort_one(recording: Recording, settings: ShearSettings, runs: SortedRuns) -
         test=str(recording.conditions.get("test", "")),
         label_frequency=_number(recording, "frequency"),
     )
+
+
+def _keep_to_show(recording: Recording, series: Series, settings: ShearSettings, runs: SortedRuns) -> None:
+    """Keep the loop of a run that is left out, if it has one."""
+    aside = SortedRuns()
+    try:
+        _sort_one(recording, series, settings, aside)
+    except (UnfitError, InputError):
+        return
+    runs.faulty += [*aside.loops, *aside.faulty]
+
+
+def _sort_one(recording: Recording, series: Series, settings: ShearSettings, runs: SortedRuns) -> None:
+    usable = _usable(recording, series, runs)
+    run, excitation = usable.run, usable.excitation
     for remark in excitation.remarks:
         runs.say("note", run, f"{remark}.", "displacement")
     if excitation.kind == "still":
@@ -193,9 +210,9 @@ def _as_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
     clipped = clipping(usable.series.x)
     if clipped is not None:
         level, share = clipped
-        reason = f"the displacement is clipped: {100 * share:.1f} % of its samples are flat at {level:.5g} m"
-        runs.leave_out(run, reason, "displacement")
-        return
+        raise UnfitError(
+            f"the displacement is clipped: {100 * share:.1f} % of its samples are flat at {level:.5g} m", "displacement"
+        )
     series = usable.series.between(*usable.excitation.steady)
     frequency = usable.excitation.frequency
     assert frequency is not None
@@ -203,41 +220,26 @@ def _as_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
     if late > 0:
         series = series.between(series.time[0] + late / frequency, series.time[-1])
         runs.say("note", run, f"the force of the first {late} cycles is not settled; they do not enter.", "force")
-    try:
-        loop = fit_loop(
-            run,
-            series.time,
-            series.x,
-            series.F,
-            frequency=frequency,
-            current=usable.current,
-            preload=usable.preload,
-            mains=settings.mains_frequency,
-        )
-    except InputError as error:
-        runs.leave_out(run, str(error))
-        return
+    loop = fit_loop(
+        run,
+        series.time,
+        series.x,
+        series.F,
+        frequency=frequency,
+        current=usable.current,
+        preload=usable.preload,
+        mains=settings.mains_frequency,
+    )
     if abs(loop.F[0]) < _FOLLOWS * loop.sd_f[0]:
-        runs.leave_out(
-            run,
+        raise UnfitError(
             f"the force does not follow the displacement: at {loop.frequency:.4g} Hz it holds {abs(loop.F[0]):.2g} N, no "
             "more than its noise. A loose cable, or the wrong channel",
             "force",
         )
-        return
-    area = next(e for e in loop_metrics(loop) if e.name == "loop_area")
-    assert area.value is not None
-    if area.value < -2 * (area.std_error or 0.0):
-        rise = "and it falls as x rises" if (loop.F[0] / loop.X[0]).real < 0 else "though it rises with x"
-        which = (
-            "the sign of force or displacement is wrong" if "falls" in rise else "force and displacement are swapped"
-        )
-        runs.leave_out(
-            run,
-            f"the loop runs the wrong way round (area {area.value:.3g} J: it would give energy), {rise}: most likely "
-            f"{which}. Mend the recipe ('sign: -1', or the channels' names)",
-            "force",
-        )
+    wrong = _wrong_way_round(loop)
+    if wrong:
+        runs.leave_out(run, wrong, "force")
+        runs.faulty.append(_replaced(usable, series, loop))
         return
     _say_shape(loop, usable.excitation, runs)
     if usable.label_frequency and abs(loop.frequency / usable.label_frequency - 1) > _FREQUENCY_APART:
@@ -249,6 +251,21 @@ def _as_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
             "displacement",
         )
     runs.loops.append(_replaced(usable, series, loop))
+
+
+def _wrong_way_round(loop: Loop) -> str:
+    """Say why a loop that would give energy does so; an empty text for one that takes it."""
+    area = next(e for e in loop_metrics(loop) if e.name == "loop_area")
+    assert area.value is not None
+    if area.value >= -2 * (area.std_error or 0.0):
+        return ""
+    falls = (loop.F[0] / loop.X[0]).real < 0
+    seen = "the force falls as the displacement rises" if falls else "though the force rises with the displacement"
+    likely = "the sign of one of them is wrong" if falls else "they are swapped, or the force leads by a wrong clock"
+    return (
+        f"the loop runs the wrong way round (area {area.value:.3g} J: the sample would give energy), {seen}: most likely "
+        f"{likely}. Mend the recipe ('sign: -1', or the channels' names)"
+    )
 
 
 def _settled(series: Series, frequency: float) -> int:
@@ -290,7 +307,7 @@ def _say_shape(loop: Loop, excitation: Excitation, runs: SortedRuns) -> None:
     force = curve(loop.F)
     push, pull = float(force.max()), float(-force.min())
     size = 0.5 * (push + pull)
-    even = float(np.sqrt((np.abs(loop.F[1::2]) ** 2).sum()) / abs(loop.F[0]))
+    even = float(np.sqrt((np.abs(loop.F[1::2][loop.kept[1::2]]) ** 2).sum()) / abs(loop.F[0]))
     even_x = float(np.sqrt((np.abs(loop.X[1::2]) ** 2).sum()) / abs(loop.X[0]))
     if abs(loop.f_mean) > _OFFSET_SAID * size:
         runs.say("note", run, f"force offset of {loop.f_mean:.3g} N, {100 * abs(loop.f_mean) / size:.0f} % of the "

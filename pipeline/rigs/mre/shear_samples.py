@@ -22,14 +22,6 @@ _FLAT_SHARE, _FLAT_SAMPLES, _FLAT_CROWDED = 0.02, 6, 6.0
 _SPIKE_SAMPLES, _SPIKE_SIGMA, _SPIKE_SHARE = 2, 10.0, 0.1
 
 
-class UnfitError(Exception):
-    """The run cannot be used: the reason, and the channel that it lies in."""
-
-    def __init__(self, reason: str, channel: str | None = None) -> None:
-        super().__init__(reason)
-        self.channel = channel
-
-
 @dataclass(frozen=True, eq=False)
 class Series:
     """Valid samples of one run: time (s), displacement (m), force (N), shape (n,) each."""
@@ -50,6 +42,15 @@ class Series:
         wild = {"displacement": _spikes(self.x), "force": _spikes(self.F)}
         counts = {name: int(there.sum()) for name, there in wild.items() if there.any()}
         return self._where(~(wild["displacement"] | wild["force"])), counts
+
+
+class UnfitError(Exception):
+    """The run cannot be used: the reason, the channel that it lies in, and samples that can still be shown."""
+
+    def __init__(self, reason: str, channel: str | None = None, series: Series | None = None) -> None:
+        super().__init__(reason)
+        self.channel = channel
+        self.series = series
 
 
 def samples_of(recording: Recording, say: Callable[[QualityFinding], None]) -> Series:
@@ -85,7 +86,8 @@ def samples_of(recording: Recording, say: Callable[[QualityFinding], None]) -> S
     clipped = clipping(series.F)
     if clipped is not None:
         level, share = clipped
-        raise UnfitError(f"the force is clipped: {100 * share:.1f} % of its samples are flat at {level:.5g} N", "force")
+        reason = f"the force is clipped: {100 * share:.1f} % of its samples are flat at {level:.5g} N"
+        raise UnfitError(reason, "force", series)
     series, counts = series.without_spikes()
     for name, count in counts.items():
         message = f"{count} lone wild sample{'s' if count > 1 else ''} of {name} left out."

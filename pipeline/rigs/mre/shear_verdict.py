@@ -43,9 +43,15 @@ class Judgement:
         self.reasons.append(reason)
 
 
-def judge(runs: SortedRuns, fit: DynamicFit | None, times: list[TimeFit], doubts: list[str]) -> Judgement:
-    """Weigh what was found."""
+def judge(
+    runs: SortedRuns, fit: DynamicFit | None, times: list[TimeFit], doubts: list[str], condemned: bool
+) -> Judgement:
+    """Weigh what was found; `condemned` data are shown, and nothing else."""
     said = Judgement()
+    if condemned:
+        said.reject(
+            "No run is fit for identification; the loops are shown as evidence, their numbers are not to be used."
+        )
     if fit is not None:
         _loops(said, fit)
     for time_fit in times:
@@ -68,10 +74,11 @@ def _loops(said: Judgement, fit: DynamicFit) -> None:
     ratio = fit.chi2 / max(fit.dof, 1)
     if fit.rejected:
         said.reject(
-            f"The dynamic model does not describe the data: chi2 per degree of freedom {ratio:.3g} with a run "
-            f"scatter of {100 * fit.run_scatter:.1f} %, rms misfit {100 * fit.nrmse:.2g} % of the force. The loop metrics "
-            "of each run do not depend on it."
+            f"The dynamic model does not describe the data: chi2 per degree of freedom {ratio:.3g} by plain least squares, "
+            f"which no admissible gain error from run to run explains; rms misfit {100 * fit.nrmse:.2g} % of the force. The "
+            "loop metrics of each run do not depend on it."
         )
+        return
     if fit.inadmissible:
         said.reject(f"Impossible sign of {', '.join(fit.inadmissible)}: the model is no description of this device.")
     if len(fit.loops) == 1:
