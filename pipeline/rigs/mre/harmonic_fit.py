@@ -326,6 +326,8 @@ def _scatter_estimate(scatter: Scatter, rejected: bool) -> Estimate:
     from scipy.special import chdtri
 
     dof = scatter.dof
+    if not dof > 0.5:
+        return Estimate(name, scatter.value, reason="too few runs to tell how well it is known")
     low, high = (scatter.value * math.sqrt(dof / float(chdtri(dof, tail))) for tail in (0.025, 0.975))
     sd = math.sqrt(scatter.variance_of_square) / (2 * scatter.value)
     reason = "held at the largest gain error that is believed" if scatter.at_cap else ""

@@ -57,7 +57,7 @@ def mains_instead(fit: DynamicFit, loops: Sequence[Loop], options: FitOptions, m
             for loop in loops
         ]  # fmt: skip
         try:
-            without = identify_loops(spared, replace(options, variants=(fit.variant,)))
+            without = identify_loops(spared, options)
         except ValueError:
             continue
         if not without.selected.rejected:

@@ -3,8 +3,9 @@
 rejected  the dynamic model is contradicted by the data (chi2 per degree of freedom above 2 with the
           largest admissible run scatter, an impossible sign, or a prediction that misses a fifth of the
           force), or every run is unfit. Loop metrics of the runs stand all the same.
-warning   something is not determined, one run only, half cycles only, a run left out or standing out, a
-          parameter at a bound.
+warning   something is not determined, one run only, half cycles only, a run left out, a parameter at a
+          bound, or a doubt: wrong units, labels that the channels contradict, sliding, an axial load or
+          field that is not as set, an untared mass, a large scatter or a trend from run to run.
 ok        none of these.
 """
 
@@ -13,12 +14,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from pipeline.errors import listing
 from pipeline.findings import Verdict
 from pipeline.rigs.mre.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.loop import group_levels
 from pipeline.rigs.mre.shear_runs import SortedRuns
 from pipeline.rigs.mre.time_fit import TimeFit
 
+_RUNS_TOLD = 4  # left out; beyond it only the first is told with its reason
 # Share of the force that the fit of the first half may miss in the second.
 PREDICTION_REJECTED, PREDICTION_WARNED = 0.2, 0.05
 
@@ -59,8 +62,7 @@ def judge(
     if not runs.loops and not runs.records:
         said.warn("Half cycles only: stiffness and loss per run, no damping and no dynamic model.")
         said.advice.append("Cycle the sample several times at constant frequency and amplitude.")
-    for run, reason in runs.left_out.items():
-        said.warn(f"Run {run} is left out: {reason}.")
+    _left_out(said, runs)
     for doubt in doubts:
         said.warn(doubt)
     if any("asymmetric" in finding.message for finding in runs.quality):
@@ -68,6 +70,15 @@ def judge(
     if not said.reasons:
         said.reasons.append("All parameters are determined and the residual is no more than the noise.")
     return said
+
+
+def _left_out(said: Judgement, runs: SortedRuns) -> None:
+    told = list(runs.left_out.items())
+    for run, reason in told if len(told) <= _RUNS_TOLD else told[:1]:
+        said.warn(f"Run {run} is left out: {reason}.")
+    if len(told) > _RUNS_TOLD:
+        others = listing((run for run, _ in told[1:]), 8)
+        said.warn(f"{len(told) - 1} more runs are left out, see the quality findings: {others}.")
 
 
 def _loops(said: Judgement, fit: DynamicFit) -> None:
