@@ -59,6 +59,7 @@ def estimate(
     >>> round(estimate("k", 10.0, 1.0).ci95[0], 2)
     8.04
     """
+    value, std_error = float(value), float(std_error)
     half = t_quantile(dof) * std_error
     if logarithmic and value > 0:
         spread = math.exp(min(half / value, 700.0))

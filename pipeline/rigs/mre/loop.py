@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.estimation.estimate import Estimate, estimate
 from pipeline.estimation.harmonic import HarmonicFit, fit_harmonics, fundamental
+from pipeline.signals.spectra import near_mains
 
 N_X, N_F = 5, 15  # harmonics of displacement and of force
 _LINES_BELOW = 3  # multiples of the mains frequency that are fitted beside the harmonics
@@ -159,16 +160,14 @@ def fit_loop(
     n_x, n_f = min(N_X, highest), min(N_F, highest)
     x = fit_harmonics(time, displacement, f, range(1, n_x + 1), drift)
 
-    multiples = mains * np.arange(1, _LINES_BELOW + 1) if mains > 0 else np.zeros(0)
     orders = np.arange(1, N_F + 1)
-    near = (
-        np.abs(f * orders[:, None] - mains * np.arange(1, 1 + int(N_F * f / mains + 1))).min(axis=1) <= (2 / duration)
-        if mains > 0
-        else np.zeros(N_F, dtype=bool)
-    )
-    clear = np.abs(multiples[:, None] - f * orders).min(axis=1) > 2 / duration if multiples.size else multiples > 0
-    lines = multiples[clear & (multiples < min(0.45 * rate, (N_F + 1) * f))] / f
-    F = fit_harmonics(time, force, f, [*range(1, n_f + 1), *lines], drift)
+    near, lines = np.zeros(N_F, dtype=bool), np.zeros(0)
+    if mains > 0:
+        near = near_mains(f * orders, duration, mains)
+        multiples = mains * np.arange(1, _LINES_BELOW + 1)
+        clear = np.abs(multiples[:, None] - f * orders).min(axis=1) > 2 / duration
+        lines = multiples[clear & (multiples < min(0.45 * rate, (N_F + 1) * f))]
+    F = fit_harmonics(time, force, f, [*range(1, n_f + 1), *(lines / f)], drift)
 
     X_h, F_h = np.zeros(N_X, dtype=complex), np.zeros(N_F, dtype=complex)
     X_h[:n_x], F_h[:n_f] = x.coefficients, F.coefficients[:n_f]
@@ -324,15 +323,12 @@ def half_cycle_metrics(
     if turn < 4 or x.size - turn < 5:
         raise ValueError("a ramp needs at least 5 samples on each branch")
     side = math.copysign(1.0, x[turn])
-    x, F = side * x, side * (force - force[: max(turn // 200, 1)].mean())
+    x, F = side * x, side * force
     sigma = float(np.median(np.abs(np.diff(F, 2))) / 0.6745 / math.sqrt(6))
-    # Force at the turn from a straight line through the last 2 % of the loading: one sample is noise.
-    top = (np.arange(x.size) <= turn) & (x >= 0.98 * x[turn])
-    if top.sum() < 4:
-        top = (np.arange(x.size) <= turn) & (np.arange(x.size) > turn - 4)
-    A = np.c_[np.ones(int(top.sum())), x[top] - x[turn]]
-    force_top = float(np.linalg.lstsq(A, F[top], rcond=None)[0][0])
-    sd_top = sigma * math.sqrt(np.linalg.pinv(A.T @ A)[0, 0])
+    start, sd_start = _force_at(x[: turn + 1], F[: turn + 1], 0.0, sigma)
+    F = F - start
+    force_top, sd_top = _force_at(x[: turn + 1], F[: turn + 1], float(x[turn]), sigma)
+    sd_top = math.hypot(sd_top, sd_start)
     low = max(0.0, float(x[turn:].min()))
     grid = np.linspace(low, x[turn], 2001)
     loading, unloading = (_branch(x[part], F[part], grid) for part in (slice(0, turn + 1), slice(turn, None)))
@@ -352,6 +348,17 @@ def half_cycle_metrics(
         g = pads.modulus_per_stiffness
         out.append(estimate("shear_modulus_secant", force_top / x[turn] * g, sd_top / x[turn] * g, at=at))
     return out
+
+
+def _force_at(x: np.ndarray, F: np.ndarray, at: float, sigma: float) -> tuple[float, float]:
+    """Return the force of a branch at one of its ends, and its error, from a straight line nearby.
+
+    Through the samples within 2 % of the stroke, at least four: one sample alone is noise.
+    """
+    near = np.argsort(np.abs(x - at), kind="stable")[: max(4, int((np.abs(x - at) < 0.02 * x.max()).sum()))]
+    A = np.c_[np.ones(near.size), x[near] - at]
+    inverse = np.linalg.pinv(A)
+    return float(inverse[0] @ F[near]), sigma * float(np.linalg.norm(inverse[0]))
 
 
 def _branch(x: np.ndarray, F: np.ndarray, grid: np.ndarray) -> np.ndarray:

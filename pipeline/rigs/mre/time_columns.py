@@ -155,6 +155,6 @@ def segment_columns(
         {"w": shape.rho * w[:, 1]},
         {"w": w[:, 2]},
         {"w": w[:, 3]},
-        {"u": -np.gradient(u[:, 0], t), "x": -velocity, "v": -a, "w": -np.gradient(w[:, 0], t)},
+        {"u": u[:, 0] / shape.tau - velocity, "x": velocity[0] - velocity, "v": -a, "w": -np.gradient(w[:, 0], t)},
     ]
     return columns, slopes

@@ -123,7 +123,18 @@ class TimeModel:
             here = self.segment_of_row[self.usable] == i
             for line in hum(time[self.usable][here], residual[here], self.options.mains):
                 if line.present:
-                    turn = np.where(self.segment_of_row == i, np.exp(2j * np.pi * line.frequency * time), 0)
+                    exact = _refined_line(time[self.usable][here], residual[here], line.frequency)
+                    turn = np.where(self.segment_of_row == i, np.exp(2j * np.pi * exact * time), 0)
                     lines += [turn.real, turn.imag]
         if lines:
             self.nuisance = np.column_stack([self.nuisance, *lines])
+
+
+def _refined_line(time: np.ndarray, residual: np.ndarray, frequency: float) -> float:
+    """Return the frequency (Hz) of a line by its phase advance between the halves of the record."""
+    halves = (slice(None, time.size // 2), slice(time.size // 2, None))
+    for _ in range(3):
+        first, second = (np.exp(-2j * np.pi * frequency * time[half]) @ residual[half] for half in halves)
+        apart = time[halves[1]].mean() - time[halves[0]].mean()
+        frequency += float(np.angle(second * np.conj(first))) / (2 * np.pi * apart)
+    return frequency
