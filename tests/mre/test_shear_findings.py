@@ -166,3 +166,12 @@ def test_nothing_usable_is_an_input_error_that_names_each_run() -> None:
     }
     with pytest.raises(InputError, match=r"still_run.*the channel displacement is dead"):
         identified([Recording("still_run", {"": Stream("", time, still)})])
+
+
+def test_without_a_run_at_zero_current_the_static_stiffness_is_told_at_each_current() -> None:
+    found = identified(synthesize_shear({"currents": (2.0, 4.0), "preload_runs": False, "duration": 2.0}, 4))
+    for current, k_mr in ((2.0, 7.55e4), (4.0, 1.51e5)):
+        parameter = found.one("k2", coil_current=current)
+        assert parameter.value == pytest.approx(2.6e5 + k_mr, rel=5e-3)
+        assert "no run at 0 A" in parameter.description
+    assert [p.value for p in found.find("k_mr")] == [None]

@@ -67,7 +67,7 @@ PARAMETERS = (
     ParameterSpec("k1", "k_1", "N/m", "stiffness of the Maxwell branch", "eqs (10), (11)", key=True),
     ParameterSpec("s1", "s_1", "N s/m", "dashpot of the Maxwell branch", "eq. (11), corrected", key=True),
     ParameterSpec("tau", r"\tau", "s", "relaxation time s1/k1", "eq. (11), corrected"),
-    ParameterSpec("k2", "k_2", "N/m", "static stiffness at 0 A", "eq. (10)", key=True),
+    ParameterSpec("k2", "k_2", "N/m", "static stiffness", "eq. (10)", key=True),
     ParameterSpec("alpha_bw", "a_{BW}", "N", "largest hysteretic force", "eq. (10)", key=True),
     ParameterSpec(
         "rho", r"\rho", "1/m", "slope of w at the origin; 1/rho is the yield displacement", "eq. (12)", key=True

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from pipeline.estimation.estimate import Estimate
+import numpy as np
+
+from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.findings import ModelResult, Parameter
 from pipeline.findings.findings import OperatingPoint
 from pipeline.recording import Recording
@@ -72,7 +74,8 @@ def parameters_of(
             method += "; the model is rejected, errors by the scatter between runs"
         if fit.held_lag is not None:
             found.append(_parameter(fit.force_lag, {}, "given, not fitted"))
-        found += [_parameter(e, labels.at(dict(e.at)), method) for e in _told(fit.estimates)]
+        estimates = fit.estimates if not fit.reference_current else _without_zero_current(fit, fit.reference_current)
+        found += [_parameter(e, labels.at(dict(e.at)), method) for e in _told(estimates)]
     for number, time_fit in enumerate(times):
         at: OperatingPoint = {} if len(times) == 1 else {"group": float(number)}
         method = (
@@ -82,6 +85,38 @@ def parameters_of(
     for effect in preloads.effects if preloads is not None else ():
         found.append(_parameter(effect, labels.at(dict(effect.at)), "from the loops; equal amplitude by the model"))
     return found
+
+
+def _without_zero_current(fit: DynamicFit, reference: float) -> list[Estimate]:
+    """Return the estimates of a campaign that has no run at 0 A.
+
+    k2 and k_MR enter as a sum then: k2 is told at each current and holds k_MR, which is open.
+    """
+    told: list[Estimate] = []
+    for e in fit.estimates:
+        current = e.at.get("coil_current")
+        if e.name == "k2":
+            reason = e.reason if e.value is None else "holds k_MR at this current: there is no run at 0 A"
+            told.append(replace(e, at={"coil_current": reference}, reason=reason))
+        elif e.name == "k_mr" and isinstance(current, float):
+            told.append(undetermined("k_mr", "needs a run at 0 A; k2 at this current holds it", e.at))
+            told.append(_static(fit, e, current))
+        else:
+            told.append(e)
+    return told
+
+
+def _static(fit: DynamicFit, increment: Estimate, current: float) -> Estimate:
+    """Return k2 + k_MR at a current other than the reference."""
+    at = {"coil_current": current}
+    members = [fit.names.index("k2"), fit.names.index(f"k_mr at {current:g} A")]
+    if increment.value is None or fit.one("k2").value is None:
+        return undetermined("k2", "k2 or k_MR is not determined", at)
+    gradient = np.zeros(len(fit.names))
+    gradient[members] = 1.0
+    sd, dof = fit.errors.of(gradient)
+    reason = "holds k_MR at this current: there is no run at 0 A"
+    return estimate("k2", float(fit.values[members].sum()), sd, dof=dof, at=at, reason=reason)
 
 
 def _told(estimates: Sequence[Estimate]) -> list[Estimate]:
