@@ -146,6 +146,20 @@ class HarmonicModel:
         """Number of nonlinear parameters."""
         return 4 if self.held_lag is not None else 5
 
+    @property
+    def real_data(self) -> np.ndarray:
+        """Measured harmonics, imaginary parts behind the real ones, N."""
+        return real_rows(self.data)
+
+    @property
+    def weighted_data(self) -> np.ndarray:
+        """The same divided by their standard deviation."""
+        return real_rows(self.data * self.weights)
+
+    def predicted(self, q: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """Return the modelled harmonics as `real_data` has them."""
+        return real_rows(self(q)[0] @ c)
+
     def __call__(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return A (rows, terms) and dA/dq (n_shape, rows, terms), complex."""
         shape = Shape.of(q, self.held_lag or 0.0)
@@ -163,6 +177,11 @@ class HarmonicModel:
         if self.held_lag is None:
             dA[4] = (-1j * self.columns.angular[self.kept])[:, None] * A
         return A, dA
+
+
+def real_rows(rows: np.ndarray) -> np.ndarray:
+    """Return complex rows as real ones, imaginary parts behind the real ones."""
+    return np.concatenate([rows.real, rows.imag])
 
 
 def effective_sd(loop: Loop) -> np.ndarray:

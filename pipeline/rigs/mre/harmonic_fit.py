@@ -13,18 +13,24 @@ import numpy as np
 
 from pipeline.estimation.estimate import Estimate, undetermined
 from pipeline.estimation.scatter import Scatter, estimate_scatter, gain_vectors, whitening
-from pipeline.estimation.selection import Candidate, rank
 from pipeline.estimation.separable import RowMap, SeparableFit, fit_separable, multi_start
 from pipeline.rigs.mre.determination import judge
 from pipeline.rigs.mre.dynamic_fit import DynamicFit, VariantFit
-from pipeline.rigs.mre.dynamic_model import SCALE, SHAPE_NAMES, HarmonicModel, Layout, bounds_reached, spread_starts
+from pipeline.rigs.mre.dynamic_model import (
+    SCALE,
+    SHAPE_NAMES,
+    HarmonicModel,
+    Layout,
+    bounds_reached,
+    real_rows,
+    spread_starts,
+)
 from pipeline.rigs.mre.fit_errors import PHYSICAL_BOUNDS, Key, errors_of_wrong_model, errors_with_scatter, increment_of
 from pipeline.rigs.mre.fit_estimates import estimates_of, impossible
 from pipeline.rigs.mre.loop import Loop, group_levels
+from pipeline.rigs.mre.variants import REJECTED_BEYOND, compare_variants, rms_force
 
 VARIANTS = ("ks", "ka", "km", "k", "ksa")
-# chi2/dof beyond which no run scatter explains the residual: the model is wrong.
-REJECTED_BEYOND = 2.0
 # Twice the log-likelihood that a run scatter must gain to be taken (one-sided 95 %).
 _SCATTER_RATIO = 2.71
 _PASSES = 3
@@ -89,10 +95,14 @@ def identify_loops(loops: Sequence[Loop], options: FitOptions | None = None) -> 
     starts = spread_starts(max(loop.amplitude for loop in loops), options.starts, options.seed)
     found = [_search(models[0], starts)]
     found += [_search(model, [found[0][0].q]) for model in models[1:]]
-    variants, chosen = _compared(models, [fit for fit, _, _ in found], options)
+    variants, chosen = compare_variants(
+        models, [fit for fit, _, _ in found], options.scatter_cap if options.scatter else 0.0
+    )
     if chosen != 0:  # so far the winner was only started from another variant's optimum
         found[chosen] = _search(models[chosen], [found[chosen][0].q, *starts])
-        variants, chosen = _compared(models, [fit for fit, _, _ in found], options)
+        variants, chosen = compare_variants(
+            models, [fit for fit, _, _ in found], options.scatter_cap if options.scatter else 0.0
+        )
     return Identification(_finished(models[chosen], *found[chosen], options), tuple(variants))
 
 
@@ -153,47 +163,6 @@ def _at_bound(model: HarmonicModel, fit: SeparableFit) -> dict[str, float]:
     return bounds_reached(fit.q, fit.at_bound, model.lower, model.upper)
 
 
-def _compared(
-    models: Sequence[HarmonicModel], fits: Sequence[SeparableFit], options: FitOptions
-) -> tuple[list[VariantFit], int]:
-    """Compare variants by BIC, each with its own run scatter; return them and which is selected.
-
-    Where every variant is rejected the noise is not what the weights say, and misfit is counted in
-    units of the best chi2/dof.
-    """
-    scatters = []
-    for model, fit in zip(models, fits, strict=True):
-        V = gain_vectors(_weighted_data(model) - fit.residual, np.tile(model.run_of_row, 2))
-        scatters.append(estimate_scatter(fit.residual, V, fit.jacobian, cap=options.scatter_cap, restricted=False))
-    fitted = options.scatter and len(models[0].loops) > 1
-    deviances = [s.deviance if fitted else fit.chi2 for s, fit in zip(scatters, fits, strict=True)]
-    unit = min(d / max(fit.dof, 1) for d, fit in zip(deviances, fits, strict=True))
-    unit = unit if unit > REJECTED_BEYOND else 1.0
-    candidates = [
-        Candidate(model.layout.variant, deviance / unit, fit.residual.size, fit.jacobian.shape[1] + fitted, True)
-        for model, fit, deviance in zip(models, fits, deviances, strict=True)
-    ]
-    selected = next(entry.candidate for entry in rank(candidates) if entry.selected)
-    variants = []
-    for model, fit, candidate in zip(models, fits, candidates, strict=True):
-        misfit = _real(model.data) - _prediction(model, fit)
-        variants.append(
-            VariantFit(
-                variant=candidate.name,
-                n_parameters=fit.jacobian.shape[1],
-                n_data=candidate.n_data,
-                chi2=fit.chi2,
-                dof=fit.dof,
-                deviance=candidate.chi2,
-                aicc=candidate.aicc,
-                bic=candidate.bic,
-                rms_residual=_rms_force(misfit, len(model.loops)),
-                nrmse=_rms_force(misfit, 1) / _rms_force(_real(model.data), 1),
-            )
-        )
-    return variants, candidates.index(selected)
-
-
 def _finished(
     model: HarmonicModel,
     base: SeparableFit,
@@ -229,13 +198,13 @@ def _finished(
         *((_scatter_estimate(scatter, rejected),) if options.scatter and len(model.loops) > 1 else ()),
     )
     sd = np.sqrt(np.diag(errors.covariance))
-    misfit = _real(model.data) - _prediction(model, fit)
+    misfit = model.real_data - model.predicted(fit.q, fit.c)
     raw = misfit * np.tile(model.weights, 2)
-    V_raw = gain_vectors(_weighted_data(model) - raw, groups)
+    V_raw = gain_vectors(model.weighted_data - raw, groups)
     runs = [loop.run for loop in model.loops]
     square = scatter.value**2
     gains = square * (V_raw.T @ raw) / (1 + square * (V_raw**2).sum(axis=0))
-    signal = _real(model.data)
+    signal = model.real_data
 
     def each_run(rows: np.ndarray) -> list[np.ndarray]:
         return [rows[groups == i] for i in range(len(runs))]
@@ -263,8 +232,8 @@ def _finished(
             run: math.sqrt(float(m @ m) / float(f @ f))
             for run, m, f in zip(runs, each_run(misfit), each_run(signal), strict=True)
         },
-        rms_residual=_rms_force(misfit, len(runs)),
-        nrmse=_rms_force(misfit, 1) / _rms_force(signal, 1),
+        rms_residual=rms_force(misfit, len(runs)),
+        nrmse=rms_force(misfit, 1) / rms_force(signal, 1),
         n_data=fit.residual.size,
         scatter=scatter,
         rejected=rejected,
@@ -282,7 +251,7 @@ def _with_scatter(
     fit, residual, jacobian = base, base.residual, base.jacobian
     before = 0.0
     for _ in range(_PASSES):
-        V = gain_vectors(_weighted_data(model) - residual, groups)
+        V = gain_vectors(model.weighted_data - residual, groups)
         scatter = estimate_scatter(residual, V, jacobian, cap=cap)
         if held is not None:
             scatter = replace(scatter, value=held)
@@ -294,8 +263,8 @@ def _with_scatter(
         fit = _solve(model, fit.q, whiten)
         A, dA = model(fit.q)
         weights = np.tile(model.weights, 2)
-        jacobian = _real(np.hstack([(dA @ fit.c).T, A])) * weights[:, None]
-        residual = (_real(model.data) - _prediction(model, fit)) * weights
+        jacobian = real_rows(np.hstack([(dA @ fit.c).T, A])) * weights[:, None]
+        residual = (model.real_data - model.predicted(fit.q, fit.c)) * weights
         if abs(scatter.value - before) < 1e-3 * scatter.value:
             break
         before = scatter.value
@@ -332,21 +301,3 @@ def _scatter_estimate(scatter: Scatter, rejected: bool) -> Estimate:
     sd = math.sqrt(scatter.variance_of_square) / (2 * scatter.value)
     reason = "held at the largest gain error that is believed" if scatter.at_cap else ""
     return Estimate(name, scatter.value, sd, (low, high), reason=reason, dof=dof)
-
-
-def _weighted_data(model: HarmonicModel) -> np.ndarray:
-    return _real(model.data * model.weights)
-
-
-def _prediction(model: HarmonicModel, fit: SeparableFit) -> np.ndarray:
-    return _real(model(fit.q)[0] @ fit.c)
-
-
-def _real(rows: np.ndarray) -> np.ndarray:
-    """Return complex rows as real ones, imaginary parts behind."""
-    return np.concatenate([rows.real, rows.imag])
-
-
-def _rms_force(rows: np.ndarray, runs: int) -> float:
-    """Return the rms over time of the force whose harmonics' parts are `rows`, averaged over `runs`."""
-    return math.sqrt(float(rows @ rows) / 2 / runs)

@@ -57,7 +57,7 @@ def leave_one_out(fit: DynamicFit, options: FitOptions | None = None) -> LeaveOn
             continue
         chi2[left.run] = without.chi2 / max(without.dof, 1)
         for j, name in enumerate(fit.names):
-            if name in without.names:
+            if name in without.names and name not in without.undetermined:
                 values[i, j] = without.values[without.names.index(name)]
         if fit.level_of(left.current) not in {*without.layout.labels}:
             continue
