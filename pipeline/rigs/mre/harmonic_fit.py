@@ -95,14 +95,11 @@ def identify_loops(loops: Sequence[Loop], options: FitOptions | None = None) -> 
     starts = spread_starts(max(loop.amplitude for loop in loops), options.starts, options.seed)
     found = [_search(models[0], starts)]
     found += [_search(model, [found[0][0].q]) for model in models[1:]]
-    variants, chosen = compare_variants(
-        models, [fit for fit, _, _ in found], options.scatter_cap if options.scatter else 0.0
-    )
+    cap = options.scatter_cap if options.scatter else 0.0
+    variants, chosen = compare_variants(models, [fit for fit, _, _ in found], cap)
     if chosen != 0:  # so far the winner was only started from another variant's optimum
         found[chosen] = _search(models[chosen], [found[chosen][0].q, *starts])
-        variants, chosen = compare_variants(
-            models, [fit for fit, _, _ in found], options.scatter_cap if options.scatter else 0.0
-        )
+        variants, chosen = compare_variants(models, [fit for fit, _, _ in found], cap)
     return Identification(_finished(models[chosen], *found[chosen], options), tuple(variants))
 
 
