@@ -33,6 +33,8 @@ def say_faults(runs: SortedRuns, recordings: Sequence[Recording]) -> list[str]:
     doubts = [
         _modulus(runs),
         _labels(recordings, runs),
+        _varying(recordings, runs),
+        _shape(runs),
         _slip(runs),
         _preload_by_field(runs, recordings),
         _remanence(runs, recordings),
@@ -132,6 +134,41 @@ def _labels(recordings: Sequence[Recording], runs: SortedRuns) -> str:
     if not swapped:
         return ""
     return f"The measured coil current contradicts the label of {listing(swapped, 6)}; the measured one was used."
+
+
+def _varying(recordings: Sequence[Recording], runs: SortedRuns) -> str:
+    """Doubt runs during which the coil was not held at one current or voltage."""
+    found: dict[str, str] = {}
+    used = {usable.run for usable in runs.usable}
+    for recording in recordings:
+        for channel, unit, least in (("current", "A", 0.25), ("voltage", "V", 0.5)):
+            if recording.run in used and channel in recording and recording.run not in found:
+                values = recording.values(channel)
+                values = values[np.isfinite(values)]
+                low, high = np.quantile(values, [0.02, 0.98]) if values.size else (0.0, 0.0)
+                if high - low > max(least, 0.1 * abs(low + high)):
+                    found[recording.run] = f"coil {channel} runs from {low:.2g} to {high:.2g} {unit}"
+                    message = f"the {found[recording.run]} during the run; the model holds for one operating point."
+                    runs.say("warning", recording.run, message, channel)
+    if not found:
+        return ""
+    run, told = next(iter(found.items()))
+    return f"Run {run} is no single operating point: the {told}, while the model knows one only."
+
+
+def _shape(runs: SortedRuns) -> str:
+    """Sum up what of the loops' form the model cannot follow."""
+    told = [
+        ("the mean displacement drifts", "drifts by"),
+        ("the force is asymmetric", "asymmetric force"),
+        ("the force has an offset, which does not enter", "force offset"),
+    ]
+    marked = {words: [q.run for q in runs.quality if q.run is not None and sign in q.message] for words, sign in told}
+    grave = marked["the mean displacement drifts"] or marked["the force is asymmetric"]
+    if not grave:
+        return ""
+    parts = [f"{words} ({listing(names, 4)})" for words, names in marked.items() if names]
+    return f"The loops are not what the model assumes: {'; '.join(parts)}."
 
 
 def _slip(runs: SortedRuns) -> str:

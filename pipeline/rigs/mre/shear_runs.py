@@ -25,7 +25,7 @@ _FREQUENCY_APART = 0.03
 _FOLLOWS = 10.0
 # A stiffness this many times that of the other runs is no gain error: a unit is wrong.
 _UNIT_FACTOR = 100.0
-_OFFSET_SAID, _ASYMMETRY_SAID, _DRIFT_SAID = 0.05, 0.05, 0.05
+_OFFSET_SAID, _ASYMMETRY_SAID, _DRIFT_SAID = 0.05, 0.02, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +178,8 @@ def _sort_one(recording: Recording, series: Series, settings: ShearSettings, run
     usable = _usable(recording, series, runs)
     run, excitation = usable.run, usable.excitation
     for remark in excitation.remarks:
+        if excitation.kind == "periodic" and remark.startswith("the mean drifts"):
+            continue  # told with what it means for the loop
         runs.say("note", run, f"{remark}.", "displacement")
     if excitation.kind == "still":
         runs.leave_out(run, f"the displacement does not move: {excitation.reason}", "displacement")
@@ -302,22 +304,29 @@ def _settled(series: Series, frequency: float) -> int:
 
 
 def _say_shape(loop: Loop, excitation: Excitation, runs: SortedRuns) -> None:
-    """Name offset, asymmetry, drift and the mains of a loop that is used."""
+    """Name offset, asymmetry and drift of a loop that is used."""
     run = loop.run
     force = curve(loop.F)
-    push, pull = float(force.max()), float(-force.min())
-    size = 0.5 * (push + pull)
-    even = float(np.sqrt((np.abs(loop.F[1::2][loop.kept[1::2]]) ** 2).sum()) / abs(loop.F[0]))
+    size = 0.5 * float(np.ptp(force))
+    push, pull = loop.f_mean + float(force.max()), -loop.f_mean - float(force.min())
+    even_f, odd_f = loop.F[1::2][loop.kept[1::2]], abs(loop.F[0])
+    even = float(np.sqrt((np.abs(even_f) ** 2).sum()) / odd_f)
+    noise = float(np.sqrt((loop.sd_f[1::2][loop.kept[1::2]] ** 2).sum()) / odd_f)
     even_x = float(np.sqrt((np.abs(loop.X[1::2]) ** 2).sum()) / abs(loop.X[0]))
     if abs(loop.f_mean) > _OFFSET_SAID * size:
-        runs.say("note", run, f"force offset of {loop.f_mean:.3g} N, {100 * abs(loop.f_mean) / size:.0f} % of the "
-                 "amplitude; it does not enter.", "force")  # fmt: skip
-    if even > max(_ASYMMETRY_SAID, 3 * even_x):
+        runs.say(
+            "note",
+            run,
+            f"force offset of {loop.f_mean:.3g} N, {100 * abs(loop.f_mean) / size:.0f} % of the amplitude (peaks {push:.4g} N "
+            f"in push, {pull:.4g} N in pull); it does not enter.",
+            "force",
+        )
+    if even > max(_ASYMMETRY_SAID, 3 * even_x, 5 * noise):
         runs.say(
             "warning",
             run,
-            f"asymmetric force: even harmonics hold {100 * even:.0f} % of the fundamental (displacement "
-            f"{100 * even_x:.0f} %), peaks {push:.4g} N in push and {pull:.4g} N in pull; the model is symmetric.",
+            f"asymmetric force: even harmonics hold {100 * even:.2g} % of the fundamental (displacement "
+            f"{100 * even_x:.2g} %), peaks {push:.4g} N in push and {pull:.4g} N in pull; the model is symmetric.",
             "force",
         )
     if excitation.mean_drift > _DRIFT_SAID:

@@ -65,8 +65,6 @@ def judge(
     _left_out(said, runs)
     for doubt in doubts:
         said.warn(doubt)
-    if any("asymmetric" in finding.message for finding in runs.quality):
-        said.warn("The force is asymmetric, which the symmetric model cannot follow.")
     if not said.reasons:
         said.reasons.append("All parameters are determined and the residual is no more than the noise.")
     return said
@@ -89,6 +87,10 @@ def _loops(said: Judgement, fit: DynamicFit) -> None:
             f"which no admissible gain error from run to run explains; rms misfit {100 * fit.nrmse:.2g} % of the force. The "
             "loop metrics of each run do not depend on it."
         )
+        if fit.reference_current is None and len(fit.loops) > 1:
+            said.advice.append(
+                "If the runs were at different coil currents or preloads, give 'coil_current' and 'preload' for each."
+            )
         return
     if fit.inadmissible:
         said.reject(f"Impossible sign of {', '.join(fit.inadmissible)}: the model is no description of this device.")
