@@ -175,3 +175,14 @@ def test_without_a_run_at_zero_current_the_static_stiffness_is_told_at_each_curr
         assert parameter.value == pytest.approx(2.6e5 + k_mr, rel=5e-3)
         assert "no run at 0 A" in parameter.description
     assert [p.value for p in found.find("k_mr")] == [None]
+
+
+def test_runs_that_cannot_tell_the_variants_apart_say_so_and_hide_no_uncertainty() -> None:
+    runs = synthesize_shear({"preload_runs": False}, 1)
+    found = identified([r for r in runs if r.run in ("sh_5hz_2a", "sh_10hz_4a")])
+    assert found.verdict == "warning"
+    assert any("do not tell what the field changes" in reason for reason in found.reasons)
+    for name, truth in (("k1", 6e4), ("tau", 0.02), ("s1", 1200.0)):
+        parameter = found.one(name)
+        if parameter.value is not None:
+            assert abs(parameter.value - truth) < 4 * parameter.std_error

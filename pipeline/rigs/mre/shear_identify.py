@@ -19,13 +19,14 @@ from pipeline.rigs.mre.shear import ShearSettings
 from pipeline.rigs.mre.shear_arrays import arrays_of
 from pipeline.rigs.mre.shear_faults import mains_instead, say_faults, say_faults_of_fit
 from pipeline.rigs.mre.shear_odd import set_odd_runs_aside
-from pipeline.rigs.mre.shear_parameters import Labels, loop_parameters, models_of, parameters_of
+from pipeline.rigs.mre.shear_parameters import VARIANT_TEXTS, Labels, loop_parameters, models_of, parameters_of
 from pipeline.rigs.mre.shear_published import published
 from pipeline.rigs.mre.shear_runs import SortedRuns, UsableRun, sort_runs
 from pipeline.rigs.mre.shear_verdict import judge
 from pipeline.rigs.mre.time_columns import Record
 from pipeline.rigs.mre.time_fit import TimeFit, fit_records
 from pipeline.rigs.mre.time_model import TimeOptions
+from pipeline.rigs.mre.variants import DECISIVE, undecided
 
 # What a mass column must gain in BIC before an untared mass is believed.
 _MASS_GAIN = 10.0
@@ -57,6 +58,7 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
         for usable in list(runs.records):
             runs.set_aside(usable.run, f"no steady cycles ({usable.excitation.reason}), which the other runs have")
     doubts += say_faults_of_fit(runs, fit) if fit is not None else []
+    doubts += _undecided(dynamic) if dynamic is not None else []
     judgement = judge(runs, fit, times, doubts, condemned)
     if others:
         names = ", ".join(loop.run for loop in others)
@@ -77,6 +79,17 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
         runs=_runs(recordings, runs),
         arrays=arrays_of(runs, fit, without, times, preloads),
     )
+
+
+def _undecided(dynamic: Identification) -> list[str]:
+    chosen = dynamic.selected.variant
+    rivals = undecided(dynamic.variants, chosen)
+    if not rivals or dynamic.selected.rejected:
+        return []
+    return [
+        f"These runs do not tell what the field changes: {', '.join(rivals)} fit as well as {chosen} (BIC within "
+        f"{DECISIVE:g}). The parameters hold if {chosen} is right: {VARIANT_TEXTS[chosen]}."
+    ]
 
 
 def _nothing_usable(runs: SortedRuns, context: Context) -> str:

@@ -15,6 +15,13 @@ from pipeline.rigs.mre.dynamic_model import HarmonicModel
 
 # chi2/dof beyond which no run scatter explains the residual: the model is wrong.
 REJECTED_BEYOND = 2.0
+# A difference of BIC that decides (Kass and Raftery 1995: strong evidence from 6 on).
+DECISIVE = 6.0
+# The paper's variant is taken unless another one is decisively better: a smaller one that fits by chance
+# would hide what its parameters cannot tell.
+PREFERRED = "ks"
+# What each variant holds as a special case of itself.
+_WITHIN = {"ks": {"k"}, "ka": {"k"}, "km": {"k"}, "ksa": {"k", "ks", "ka"}}
 
 
 def compare_variants(
@@ -36,6 +43,8 @@ def compare_variants(
         for model, fit, deviance in zip(models, fits, deviances, strict=True)
     ]
     selected = next(entry.candidate for entry in rank(candidates) if entry.selected)
+    best = min(candidate.bic for candidate in candidates)
+    selected = next((c for c in candidates if c.name == PREFERRED and c.bic < best + DECISIVE), selected)
     variants = []
     for model, fit, candidate in zip(models, fits, candidates, strict=True):
         misfit = model.real_data - model.predicted(fit.q, fit.c)
@@ -54,6 +63,16 @@ def compare_variants(
             )
         )
     return variants, candidates.index(selected)
+
+
+def undecided(variants: Sequence[VariantFit], selected: str) -> list[str]:
+    """Return the rivals of the selected variant that the data do not decide against.
+
+    Special cases of it are no rivals, nor is what holds it as a special case: their fit says the same.
+    """
+    bic = {variant.variant: variant.bic for variant in variants}
+    related = {selected} | _WITHIN.get(selected, set()) | {name for name, inner in _WITHIN.items() if selected in inner}
+    return [name for name in bic if name not in related and bic[name] < bic[selected] + DECISIVE]
 
 
 def _deviance(model: HarmonicModel, fit: SeparableFit, cap: float) -> float:
