@@ -149,7 +149,8 @@ def _prediction(said: Judgement, fit: TimeFit) -> None:
     )
     if not share < PREDICTION_REJECTED:
         said.reject(f"{sentence} The model does not describe this device.")
-    elif share > PREDICTION_WARNED or share > 2 * fit.nrmse_first_half:
+        return
+    if share > PREDICTION_WARNED or share > 2 * fit.nrmse_first_half:
         said.warn(sentence)
     else:
         said.reasons.append(sentence)
