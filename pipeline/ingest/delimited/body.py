@@ -19,7 +19,11 @@ from pipeline.ingest.delimited.preamble import entries
 from pipeline.ingest.delimited.stamps import looks_like_stamp
 
 Row = list[str]
-_ROWS_ABOVE = 6
+_ROWS_ABOVE = 5
+_NUMBERED = re.compile(r"(?i)(column |spalte |ch(annel)? ?)?\d+\s*[:=)]")
+_NAMES_FOLLOW = re.compile(
+    r"(?i)(columns?|column names|fields?|channels?|header|names|variables|spalten|kanäle)\s*[:=]\s*"
+)
 _SMALL_TABLE = 0.1
 _OTHER_DELIMITERS = ("\t", ";", ",", "|", BLANKS)
 
@@ -43,12 +47,16 @@ def find_body(lines: Sequence[Line], dialect: Dialect, width: int, where: str) -
     Raises
     ------
     InputError
-        If the row above the numbers has another number of names than the numbers have columns.
+        If there is no row of numbers, or the row above the numbers has another number of names than the numbers have columns.
     """
     rows = [None if not line.text.strip() or dialect.comment(line.text) is not None else dialect.split(line.text)
             for line in lines]  # fmt: skip
     measured = _measured_columns(rows, width)
     start = _start(rows, width, measured)
+    if start == len(rows):
+        raise InputError(
+            f"{where}: holds no rows of numbers. Expected is a table: names, perhaps units, then one row a sample."
+        )
     table = tuple(
         row for row in rows[start:] if row is not None and len(row) == width and not _is_heading(row, measured)
     )
@@ -106,6 +114,8 @@ def _start(rows: Sequence[Row | None], width: int, measured: Sequence[int]) -> i
         elif _is_heading(row, measured) and tables[-1]:
             tables.append([])
     longest = max(len(table) for table in tables)
+    if not longest:
+        return len(rows)
     start = next(table[0] for table in tables if len(table) >= max(1, min(3, longest), _SMALL_TABLE * longest))
     while (
         start and (row := rows[start - 1]) is not None and len(row) > 1 and len(row) != width and _is_mostly_values(row)
@@ -146,7 +156,7 @@ class _Above:
             if not text.strip():
                 continue
             seen += 1
-            if seen > _ROWS_ABOVE or len(fitting) == 2:
+            if seen > _ROWS_ABOVE:
                 break
             if header.is_underline(self.dialect.split(text)):
                 continue
@@ -158,9 +168,10 @@ class _Above:
             elif self.rows[index] is not None and len(self.dialect.split(text)) > 1:
                 self._refuse_misfit(index, where)
                 break
-        if len(fitting) == 2 and self._is_units_row(fitting[0][1]) and not self._is_units_row(fitting[1][1]):
-            return fitting[1], fitting[0]
-        if len(fitting) == 2 and self._is_comment(fitting[0][0]) and not self._is_comment(fitting[1][0]):
+        for (place, cells), over in pairwise(fitting):
+            if self._is_units_row(cells) and not self._is_units_row(over[1]):
+                return over, (place, cells)
+        if len(fitting) > 1 and self._is_comment(fitting[0][0]) and not self._is_comment(fitting[1][0]):
             return fitting[1], None
         if fitting and self._is_units_row(fitting[0][1]) and all(cell[:1] in "([" for cell in fitting[0][1] if cell):
             return None, fitting[0]
@@ -170,8 +181,9 @@ class _Above:
         """Return the cells of a line that names every column, else None."""
         comment = self.dialect.comment(text)
         if comment is not None:
+            comment = _NAMES_FOLLOW.sub("", comment)
             is_remark = self.width == 1 and len(comment.split()) > 1 and "[" not in comment
-            if is_remark or entries([text], self.dialect):
+            if is_remark or _NUMBERED.match(comment) or entries([f"# {comment}"], self.dialect):
                 return None
         for cells in self._splits(text if comment is None else comment):
             cells = self._without_surplus(cells)

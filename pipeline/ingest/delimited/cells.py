@@ -23,6 +23,7 @@ MISSING = frozenset((
 _INFINITE = frozenset(("inf", "infinity", "1.#inf", "∞"))
 _NUMBER = re.compile(r"[+\-\u2212]?(?:[0-9]+(?:\.[0-9]*|,[0-9]+)?|[.,][0-9]+)(?:[eEdD][+-]?[0-9]{1,4})?")
 _WITH_POINT = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
+_SIGNS = ("+", "-", "\u2212")
 _LONGEST_NUMBER = 400  # the smallest double, written out
 _BLANKS = " \u00a0\u2009\u202f"
 # 1,234,567.8: groups of three, the first without leading zero, then perhaps another sign and decimals.
@@ -37,11 +38,17 @@ def is_missing(text: str) -> bool:
 
 def is_number(text: str) -> bool:
     """Tell whether a trimmed cell is a number in any of the notations that labs use."""
+    text = _sign_joined(text)
     return len(text) <= _LONGEST_NUMBER and (
         _NUMBER.fullmatch(text) is not None
         or _GROUPED.fullmatch(text) is not None
         or text.lstrip("+-\u2212").lower() in _INFINITE
     )
+
+
+def _sign_joined(text: str) -> str:
+    """Return ``+ 1.5``, as some loggers write it, without the blank."""
+    return text[0] + text[1:].lstrip() if text[:1] in _SIGNS and text[1:2] == " " else text
 
 
 @dataclass(frozen=True)
@@ -53,7 +60,7 @@ class Notation:
 
     def number(self, text: str) -> float | None:
         """Read one trimmed cell: NaN where it says that there is no value, None where it is no number."""
-        plain = text
+        text = plain = _sign_joined(text)
         if self.grouping and (match := _GROUPED.fullmatch(text)) and self._groups(match[1]):
             plain = text.replace(match[1], "")
         if self.decimal == ",":

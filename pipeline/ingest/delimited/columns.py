@@ -12,6 +12,7 @@ from pipeline.errors import InputError
 from pipeline.ingest.delimited.body import Body, Row
 from pipeline.ingest.delimited.cells import is_missing, is_number
 from pipeline.ingest.delimited.header import names_and_units, unit_in_row
+from pipeline.ingest.delimited.labelled import names_and_units as named_by
 from pipeline.ingest.delimited.stamps import (
     NOT_A_TIME,
     StampFormat,
@@ -54,9 +55,9 @@ class Stamp:
     has_zone: bool
 
 
-def named_columns(body: Body, labview_units: Sequence[str | None]) -> list[Column]:
+def named_columns(body: Body, labview_units: Sequence[str | None], around: Sequence[tuple[str, str]]) -> list[Column]:
     """Return every column with its name, unit and kind; a nameless one is called after its place."""
-    texts = list(body.names or [""] * body.width)
+    texts = list(body.names or named_by(around) or [""] * body.width)
     split = names_and_units(texts)
     columns = []
     for k in range(body.width):
@@ -64,6 +65,8 @@ def named_columns(body: Body, labview_units: Sequence[str | None]) -> list[Colum
         row_unit = unit_in_row(body.units[k]) if body.units else None
         if row_unit is None and k < len(labview_units):
             row_unit = labview_units[k]
+        if row_unit is None and unit is None and k < len(around):
+            row_unit = around[k][1].strip() or None
         columns.append(
             Column(k, name or f"column_{k + 1}", row_unit or unit, _kind([row[k] for row in body.rows]), texts[k])
         )

@@ -91,11 +91,21 @@ def _joined(parts: list[str]) -> tuple[Line, ...]:
     index = 0
     while index < len(parts):
         last = index
-        if parts[index].count('"') % 2 and (end := _closing(parts, index)):
+        if parts[index].count('"') % 2 and _is_left_open(parts[index]) and (end := _closing(parts, index)):
             last = end
         lines.append(Line(index + 1, " ".join(parts[index : last + 1]), last + 1))
         index = last + 1
     return tuple(lines)
+
+
+def _is_left_open(text: str) -> bool:
+    """Tell whether a quote that begins a cell is not closed in its line; inches (``5" pipe``) begin none."""
+    in_quotes, at_start = False, True
+    for character in text:
+        if character == '"':
+            in_quotes = not in_quotes and at_start
+        at_start = character in ",;\t|" or (at_start and character == " ")
+    return in_quotes
 
 
 def _closing(parts: list[str], start: int) -> int | None:

@@ -38,8 +38,9 @@ _MEASURED_IN = {
     "g": "a ax ay az acc acceleration",
     "T": "b field flux",
 }
+_PLAUSIBLE_UNIT = re.compile(r"(?:[^\W\d_]|[°℃℉%µμΩΩ²³⁻¹·⋅*/\s().-]|\^-?[0-9]|[0-9](?![0-9]{2}|\^)|[$'\"])+")
 _TIME_WORD = re.compile(r"(?i).*(time|zeit|temps|tempo|dauer|duration)|t")
-_LONGEST_UNIT = 16
+_LONGEST_UNIT, _LONGEST_HEADER, _MOST_JUDGED = 16, 200, 50
 _NO_UNITS = {"sequence", "index", "text", "string"}
 _UNIT_LETTERS = set("sNmVAKgCWJh%°-")
 
@@ -55,19 +56,32 @@ def name_and_unit(text: str) -> tuple[str, str | None]:
     (('Sensor (left)', None), ('stress/strain', None), ('dF/dt', None))
     """
     text = " ".join(text.split())
+    if len(text) > _LONGEST_HEADER:
+        return text, None
     if match := _BRACKETED.fullmatch(text):
         name, unit = match["name"].rstrip("/ "), _first(match["square"], match["round"], match["angle"])
         if unit.isdigit() and (match["square"] is None or not match["gap"]):
             return text, None  # Force (2), channel[1]
         if unit == "min" and match["round"] is not None and not _TIME_WORD.fullmatch(name):
             return text, None  # the smallest, not the minute
-        return (name, unit or "-") if is_unit(unit) else (text, None)
+        return (name, unit or "-") if not unit or is_known_unit(unit) else (text, None)
     for form in (_SLASHED, _SUFFIXED):
         if (match := form.fullmatch(text)) and _is_sure(match["name"], match["unit"], slash=form is _SLASHED):
             return match["name"].strip(), match["unit"].strip("()")
-    if (match := _IN.fullmatch(text)) and is_unit(match["unit"].strip("[]()")):
+    if (match := _IN.fullmatch(text)) and is_known_unit(match["unit"].strip("[]()")):
         return match["name"], match["unit"].strip("[]()")
     return text, None
+
+
+def is_known_unit(text: str) -> bool:
+    """Tell whether `text` is a unit; what cannot be one is not even tried: pint would compute 9**9**9."""
+    return (
+        len(text) <= _LONGEST_UNIT
+        and "**" not in text
+        and _PLAUSIBLE_UNIT.fullmatch(text) is not None
+        and any(letter.isalpha() or letter in "°℃℉%-1" for letter in text)
+        and is_unit(text)
+    )
 
 
 def _first(*parts: str | None) -> str:
@@ -84,7 +98,7 @@ def _is_sure(name: str, unit: str, slash: bool) -> bool:
         return bool(words) and (
             words[-1] in _MEASURED_IN.get(unit, "").split() or (slash and _is_long_word(words[-1], unit))
         )
-    return slash and re.search(r"[/^°²³%*·]", unit) is not None and is_unit(unit)
+    return slash and re.search(r"[/^°²³%*·]", unit) is not None and is_known_unit(unit)
 
 
 def _is_long_word(word: str, unit: str) -> bool:
@@ -100,7 +114,7 @@ def names_and_units(texts: Sequence[str]) -> list[tuple[str, str | None]]:
     split = [name_and_unit(text) for text in texts]
     if any(unit and "[" in text for text, (_, unit) in zip(texts, split, strict=True)):
         for index, text in enumerate(texts):
-            match = _BRACKETED.fullmatch(" ".join(text.split()))
+            match = _BRACKETED.fullmatch(" ".join(text.split())) if len(text) <= _LONGEST_HEADER else None
             if match and match["square"] and not match["square"].isdigit() and len(match["square"]) <= _LONGEST_UNIT:
                 split[index] = (match["name"], match["square"].strip())
     often = Counter(name for name, _ in split)
@@ -135,14 +149,17 @@ def is_units_row(cells: Sequence[str]) -> bool:
 
     Of bare letters only those of the units that rigs measure in count: ``t,F,T`` are names, not tonne, farad, tesla.
     """
-    filled = [cell for cell in cells if cell]
-    known = sum(len(cell) > 1 or cell in _UNIT_LETTERS for cell in filled if _is_unit_cell(cell))
-    return bool(filled) and all(len(cell) <= _LONGEST_UNIT for cell in filled) and known >= 0.6 * len(filled)
+    filled = [cell for cell in cells if cell][:_MOST_JUDGED]
+    if not filled or any(len(cell) > _LONGEST_UNIT for cell in filled):
+        return False
+    known = [cell for cell in filled if _is_unit_cell(cell) and (len(cell) > 1 or cell in _UNIT_LETTERS)]
+    words = sum(len(cell) > 1 for cell in known)
+    return len(known) >= 0.6 * len(filled) or (words > 1 and len(known) >= 0.5 * len(filled))
 
 
 def _is_unit_cell(cell: str) -> bool:
     unit = unit_in_row(cell)
-    return unit is not None and not unit.isdigit() and is_unit(unit)
+    return unit is not None and not unit.isdigit() and is_known_unit(unit)
 
 
 def is_underline(cells: Sequence[str]) -> bool:

@@ -13,7 +13,8 @@ from pipeline.errors import InputError
 from pipeline.ingest.delimited.body import Body, Row, find_body
 from pipeline.ingest.delimited.cells import Notation, is_number, notation
 from pipeline.ingest.delimited.columns import FIRST_ROWS, Column, Stamp, entry_columns, find_stamp, named_columns
-from pipeline.ingest.delimited.dialect import Dialect, detect
+from pipeline.ingest.delimited.delimiter import detect
+from pipeline.ingest.delimited.dialect import Dialect
 from pipeline.ingest.delimited.encoding import Encoding
 from pipeline.ingest.delimited.head import LONG_LOOK, Head, Line, read_head
 from pipeline.ingest.delimited.preamble import entries
@@ -92,7 +93,7 @@ def survey(path: Path) -> Survey:
         )
     texts = [line.text for line in head.lines]
     labview = labview_rows(texts[: body.start], fit.dialect)
-    columns = named_columns(body, labview_units(labview))
+    columns = named_columns(body, labview_units(labview), fit.dialect.around)
     numbers = (row[c.index] for c in columns if c.kind == "number" for row in body.rows if is_number(row[c.index]))
     written, doubt = notation(numbers, where)
     stamp = find_stamp(columns, body.rows)
@@ -178,7 +179,7 @@ def _line_name(lines: Sequence[Line], index: int | None, without: str = "none") 
 
 def _notes(layout: Layout, body: Body, doubt: str | None) -> list[QualityFinding]:
     notes = []
-    if body.names is None:
+    if body.names is None and not any(column.is_named for column in layout.columns):
         last = layout.columns[-1].name if layout.columns else ""
         notes.append(
             QualityFinding("note", f"The table has no names above it; its columns are called column_1 to {last}.")

@@ -10,11 +10,10 @@ from collections.abc import Iterable, Sequence
 
 from pipeline.ingest.delimited.cells import is_number
 from pipeline.ingest.delimited.dialect import BLANKS, Dialect
-from pipeline.ingest.delimited.header import name_and_unit
-from pipeline.recording.units import is_unit
+from pipeline.ingest.delimited.header import is_known_unit, name_and_unit
 
 MOST_ENTRIES = 1000
-_LONGEST_KEY, _LONGEST_VALUE = 80, 500
+_LONGEST_KEY, _LONGEST_VALUE, _LONGEST_LINE = 80, 500, 2000
 _PAIR = re.compile(r"\s*(?P<key>[^\W\d_][^:=|{}\t]*?)\s*(?::=|[:=])\s*(?P<value>\S.*?)\s*")
 _KEY_ALONE = re.compile(r"\s*[^\W\d_][^:=|{}]*[:=]?\s*")
 _NUMBER_IN_BRACKETS = re.compile(r"(?P<number>\S+)\s*[\[(](?P<unit>[^\])]*)[\])]")
@@ -24,7 +23,7 @@ def entries(lines: Iterable[str], dialect: Dialect) -> dict[str, str]:
     """Return key -> value of every line that reads as such; where a key comes again, the first counts."""
     found: dict[str, str] = {}
     for line in lines:
-        for key, value in _pairs(line, dialect):
+        for key, value in _pairs(line[:_LONGEST_LINE], dialect):
             if len(found) < MOST_ENTRIES:
                 found.setdefault(key, value)
     return found
@@ -66,7 +65,7 @@ def _from_cells(cells: Sequence[str]) -> list[tuple[str, str]]:
     value = cells[1]
     if len(cells) == 3:
         unit = cells[2].strip("[]()")
-        if not (is_number(value) and is_unit(unit)):
+        if not (is_number(value) and is_known_unit(unit)):
             return []
         value = f"{value} {unit}"
     return _entry(cells[0].rstrip(":= "), value)

@@ -24,7 +24,7 @@ _MOST_UNUSUAL = 1 << 15
 
 def is_plain(layout: Layout) -> bool:
     """Tell whether rows of this layout can be read quickly at all."""
-    return not layout.notation.grouping and not layout.dialect.has_arrow
+    return not (layout.notation.grouping or layout.dialect.has_arrow or layout.dialect.around)
 
 
 def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed | None:

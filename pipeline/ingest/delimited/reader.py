@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from pipeline.errors import InputError
 from pipeline.ingest.delimited.columns import Column, entries_in_columns, refuse_same_names
-from pipeline.ingest.delimited.dialect import detect
+from pipeline.ingest.delimited.delimiter import detect
 from pipeline.ingest.delimited.encoding import detect as detect_encoding
 from pipeline.ingest.delimited.layout import FEWEST_ROWS, Layout, Survey, as_channel, survey
 from pipeline.ingest.delimited.table import DelimitedTable, parsed_chunks

@@ -116,7 +116,7 @@ def scan(data, delimiter, decimal, kinds, slots, marks, numbers, spans, unusual)
                         exponent = exponent * 10 + np.int64(digit)
                         i += 1
                         digit = np.uint64(data[i]) - _NOUGHT
-                    power += -exponent if is_small else exponent
+                    power += -exponent if is_small else exponent  # type: ignore[assignment]
                     is_read = i > first
                 if is_read:
                     if w < _EXACT_WHOLE and -_EXACT_POWER <= power <= 0:
