@@ -36,7 +36,7 @@ benchmark: setup
 	$(BIN)/python -m benchmarks
 
 coverage-study: setup
-	$(BIN)/python -m benchmarks.coverage
+	$(BIN)/python -m benchmarks.coverage_mre_shear
 
 clean:
 	rm -rf $(VENV) recordings reports datasets/*/synthetic
