@@ -166,7 +166,7 @@ def fit_loop(
         near = near_mains(f * orders, duration, mains)
         multiples = mains * np.arange(1, _LINES_BELOW + 1)
         clear = np.abs(multiples[:, None] - f * orders).min(axis=1) > 2 / duration
-        lines = multiples[clear & (multiples < min(0.45 * rate, (N_F + 1) * f))]
+        lines = multiples[clear & (multiples < 0.45 * rate)]
     F = fit_harmonics(time, force, f, [*range(1, n_f + 1), *(lines / f)], drift)
 
     X_h, F_h = np.zeros(N_X, dtype=complex), np.zeros(N_F, dtype=complex)

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from pipeline.findings import Parameter
 from pipeline.rigs.mre.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.leave_one_out import LeaveOneOut
 from pipeline.rigs.mre.loop import Loop, curve, drift_degree
 from pipeline.rigs.mre.preload import PreloadTable
 from pipeline.rigs.mre.shear_parameters import run_metrics
+from pipeline.rigs.mre.shear_residuals import agreement, field_laws, residual_checks
 from pipeline.rigs.mre.shear_runs import SortedRuns
 from pipeline.rigs.mre.time_fit import TimeFit
 
@@ -27,6 +29,7 @@ def arrays_of(
     without: LeaveOneOut | None,
     times: Sequence[TimeFit],
     preloads: PreloadTable | None,
+    parameters: Sequence[Parameter],
 ) -> dict[str, pd.DataFrame]:
     """Return the tables that there are, by name."""
     tables = {
@@ -39,6 +42,9 @@ def arrays_of(
         "model_lines": _model_lines(fit),
         "series": _series(times),
         "preload_states": _preload_states(preloads),
+        "agreement": agreement(runs, fit),
+        "residual_checks": residual_checks(fit, times),
+        "field_laws": field_laws(parameters),
     }
     return {name: table for name, table in tables.items() if len(table)}
 

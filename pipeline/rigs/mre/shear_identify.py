@@ -64,20 +64,21 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
         names = ", ".join(loop.run for loop in others)
         runs.say("note", None, f"runs of another preload do not enter the dynamic fit: {names}.")
     labels = Labels.of(recordings, fit)
+    parameters = [*parameters_of(fit, times, preloads, labels), *loop_parameters(runs, fit)]
     return Findings(
         campaign=context.campaign,
         experiment="mre.shear",
         verdict=judgement.verdict,
         reasons=judgement.reasons,
         advice=judgement.advice,
-        parameters=[*parameters_of(fit, times, preloads, labels), *loop_parameters(runs, fit)],
+        parameters=parameters,
         models=models_of(dynamic, without, times),
         published=published(runs, preloads),
         quality=[
             Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in runs.quality
         ],
         runs=_runs(recordings, runs),
-        arrays=arrays_of(runs, fit, without, times, preloads),
+        arrays=arrays_of(runs, fit, without, times, preloads, parameters),
     )
 
 

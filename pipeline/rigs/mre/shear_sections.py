@@ -14,7 +14,6 @@ from pipeline.findings.figures import (
     Figure,
     Line,
     Mark,
-    Matrix,
     Panel,
     Points,
     Rule,
@@ -23,6 +22,8 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.mre.shear_sections_field import level_text, of_field
+from pipeline.rigs.mre.shear_sections_fit import of_fit
 
 DISPLACEMENT, FORCE = Axis("displacement", "m"), Axis("force", "N")
 METRICS = {
@@ -40,16 +41,10 @@ def sections(findings: Findings) -> Sequence[Section]:
         Section("loops", "Measured loops and the model", [*_loops(findings), *_half_cycles(findings)]),
         Section("records", "Records without a period", _records(findings)),
         Section("metrics", "Stiffness and damping of each run", _metrics(findings)),
-        Section("field", "What the field adds", _field(findings)),
-        Section(
-            "fit", "How well the model is known", [*_correlation(findings), *_residuals(findings), *_runs(findings)]
-        ),
+        Section("field", "What the field adds", of_field(findings)),
+        Section("fit", "How well the model is known", of_fit(findings)),
     ]
     return [chapter for chapter in chapters if chapter.blocks]
-
-
-def _level(current: float | None) -> str:
-    return "" if current is None or not np.isfinite(current) else f"{round(current, 2):g} A"
 
 
 def _chosen(runs: Sequence[str], table: pd.DataFrame) -> list[str]:
@@ -71,7 +66,7 @@ def _titles(findings: Findings) -> dict[str, str]:
         if pd.notna(row.get("frequency")):
             parts.append(f"{row['frequency']:.3g} Hz")
         if pd.notna(row.get("current")):
-            parts.append(_level(row["current"]))
+            parts.append(level_text(row["current"]))
         titles[str(row["run"])] = ", ".join(parts)
     return titles
 
@@ -206,7 +201,7 @@ def _metrics(findings: Findings) -> list[Figure | Table]:
     if runs is None or "stiffness_secant" not in runs:
         return []
     runs = runs[runs["stiffness_secant"].notna()].copy()
-    runs["level"] = [_level(value) for value in runs["current"].astype(float)]
+    runs["level"] = [level_text(value) for value in runs["current"].astype(float)]
     blocks: list[Figure | Table] = []
     fitted = runs[runs["chi2_reduced"].notna()] if "chi2_reduced" in runs else runs  # of one preload
     if len(fitted) > 2:
@@ -232,7 +227,7 @@ def _against(findings: Findings, runs: pd.DataFrame, over: str, axis: Axis) -> F
                     part[over].to_numpy(float),
                     part[name].to_numpy(float),
                     number,
-                    _level(level),
+                    level_text(level),
                     part[f"{name}_low"].to_numpy(float),
                     part[f"{name}_high"].to_numpy(float),
                 )
@@ -270,7 +265,7 @@ def _metrics_table(findings: Findings, runs: pd.DataFrame) -> Table:
     rows = []
     for row in runs.head(200).to_dict("records"):
         cells: list[str | float | Value | None] = [str(row["run"]), row["frequency"], row["amplitude"]]
-        cells.append(_level(row["current"]) if pd.notna(row["current"]) else "")
+        cells.append(level_text(row["current"]) if pd.notna(row["current"]) else "")
         for name in names:
             found = by_run.get((name, row["run"]))
             cells.append(Value(found.value, found.std_error, found.ci95) if found else None)
@@ -288,152 +283,3 @@ def _metrics_table(findings: Findings, runs: pd.DataFrame) -> Table:
         ],
         rows,
     )
-
-
-def _field(findings: Findings) -> list[Figure | Table]:
-    blocks: list[Figure | Table] = []
-    panels = []
-    for name, y in (("k_mr", Axis("k_MR", "N/m")), ("s_mr", Axis("s_MR", "N s/m"))):
-        found = [p for p in findings.parameters if p.name == name and p.value is not None and "coil_current" in p.at]
-        if found:
-            at = np.array([float(p.at["coil_current"]) for p in found])
-            value = np.array([p.value for p in found], dtype=float)
-            low, high = np.array([p.ci95 or (np.nan, np.nan) for p in found], dtype=float).T
-            marks = [Points(np.r_[0.0, at], np.r_[0.0, value], "model", "", np.r_[0.0, low], np.r_[0.0, high])]
-            panels.append(Panel(marks, Axis("coil current", "A"), y, y.label))
-    if panels:
-        blocks.append(
-            Figure(
-                "field",
-                "Stiffness and damping added by the field",
-                "What does the field add? Identified k_MR and s_MR with 95 % intervals; zero at 0 A by definition.",
-                "k_MR and s_MR over coil current",
-                panels,
-                columns=2,
-            )
-        )
-    states = findings.arrays.get("preload_states")
-    if states is not None:
-        blocks.append(_preload_table(findings, states))
-    return blocks
-
-
-def _preload_table(findings: Findings, states: pd.DataFrame) -> Table:
-    effects = {(p.name, p.at.get("preload"), round(float(p.at.get("coil_current", 0)), 1)): p for p in findings.parameters
-               if p.name.startswith("mr_effect")}  # fmt: skip
-    rows = []
-    for row in states.to_dict("records"):
-        cells: list[str | float | Value | None] = [
-            row["preload"],
-            _level(row["current"]),
-            row["force_amplitude"],
-            row["amplitude"],
-        ]
-        cells.append(Value(row["secant"], row["secant_error"]))
-        cells.append(Value(row["secant_equal"], row["secant_equal_error"]) if pd.notna(row["secant_equal"]) else None)
-        for name in ("mr_effect_force", "mr_effect_amplitude"):
-            effect = effects.get((name, row["preload"], round(row["current"], 1)))
-            cells.append(Value(effect.value, effect.std_error, effect.ci95) if effect else None)
-        rows.append(cells)
-    return Table(
-        "preload",
-        "Stiffness against preload",
-        "At equal force the amplitude shrinks as the pads stiffen, and a smaller loop is stiffer: only the comparison at "
-        "equal amplitude is the field's own.",
-        [
-            Column("preload", "N"),
-            Column("current"),
-            Column("force", "N"),
-            Column("amplitude", "m"),
-            Column("K_sec", "N/m"),
-            Column("K_sec at equal amplitude", "N/m"),
-            Column("increment, equal force", "1"),
-            Column("increment, equal amplitude", "1"),
-        ],
-        rows,
-    )
-
-
-def _correlation(findings: Findings) -> list[Figure]:
-    table = findings.arrays.get("correlation")
-    if table is None or len(table) < 2:
-        return []
-    names = list(table["name"])
-    condition = float(table["condition"].iloc[0])
-    said = (
-        "above 500: only combinations are known" if condition > 500 else "below 500: the parameters can be told apart"
-    )
-    return [
-        Figure(
-            "correlation",
-            "Correlation of the parameters",
-            f"Which parameters trade for each other? Correlation of the estimates; condition number {condition:.3g}, {said}.",
-            "matrix of correlation coefficients",
-            [Panel([Matrix(table[names].to_numpy(), names, names)])],
-        )
-    ]
-
-
-def _residuals(findings: Findings) -> list[Figure]:
-    table = findings.arrays.get("residual_harmonics")
-    if table is None:
-        return []
-    order = table["order"].to_numpy(float)
-    marks: list[Mark] = [
-        Points(order - 0.12, table["real"].to_numpy(), "residual", "in phase"),
-        Points(order + 0.12, table["imaginary"].to_numpy(), "model", "out of phase"),
-        Rule(y=1.96, label="95 %"),
-        Rule(y=-1.96),
-    ]
-    share = float((np.abs(table[["real", "imaginary"]].to_numpy()) < 1.96).mean())
-    return [
-        Figure(
-            "residual_harmonics",
-            "Residual by harmonic",
-            f"Is the residual no more than noise? Misfit of every harmonic of every run over its standard deviation, run "
-            f"scatter not taken out; {100 * share:.0f} % lie within 1.96, 95 % would for pure noise.",
-            "normalised residual over the order of the harmonic",
-            [Panel(marks, Axis("order of the harmonic"), Axis("residual over its standard deviation"))],
-        )
-    ]
-
-
-def _runs(findings: Findings) -> list[Table]:
-    table = findings.arrays.get("runs")
-    if table is None or "chi2_reduced" not in table:
-        return []
-    used = table[table["chi2_reduced"].notna()].head(200)
-    columns = [
-        Column("run"),
-        Column("misfit of the force", "%"),
-        Column("chi2 per datum"),
-        Column("gain against the model", "%"),
-    ]
-    predicted = "prediction_nrmse" in used and used["prediction_nrmse"].notna().any()
-    if predicted:
-        columns.append(Column("misfit when predicted by the others", "%"))
-    rows = []
-    for row in used.to_dict("records"):
-        cells: list[str | float | None] = [
-            row["run"],
-            _three(row["nrmse"]),
-            f"{row['chi2_reduced']:.3g}",
-            _three(row["gain"]),
-        ]
-        if predicted:
-            cells.append(_three(row["prediction_nrmse"]))
-        rows.append(cells)
-    return [
-        Table(
-            "fit_by_run",
-            "Fit of each run",
-            "Does one run stand out? chi2 without run scatter: near 1 where noise explains the misfit. A gain far off the "
-            "others' names a run to be checked.",
-            columns,
-            rows,
-        )
-    ]
-
-
-def _three(value: float | None) -> float | None:
-    return None if value is None or not np.isfinite(value) else float(f"{value:.3g}") + 0.0
