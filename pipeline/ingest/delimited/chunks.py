@@ -5,14 +5,17 @@ from __future__ import annotations
 import codecs
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from io import FileIO
 from pathlib import Path
-from typing import BinaryIO
+
+import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.ingest.delimited.encoding import Encoding
 from pipeline.ingest.delimited.head import LONGEST_LINE
 
 CHUNK_BYTES = 1 << 22
+_LINE_FEED = 10
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,7 @@ class Chunk:
     `is_cut` tells that this is the file's last line and has no end of its own, `has_zeros` that zero bytes follow.
     """
 
-    data: bytes
+    data: bytes | bytearray
     first_line: int
     lines: int
     is_cut: bool = False
@@ -51,7 +54,7 @@ def chunks(path: Path, encoding: Encoding, line_end: str, first_line: int, size:
             )
 
 
-def _start_of_line(data: bytes, lines: int) -> int:
+def _start_of_line(data: bytes | bytearray, lines: int) -> int:
     position = 0
     for _ in range(lines):
         position = data.index(b"\n", position) + 1
@@ -61,47 +64,59 @@ def _start_of_line(data: bytes, lines: int) -> int:
 def _all_chunks(path: Path, encoding: Encoding, line_end: str, size: int) -> Iterator[Chunk]:
     rest, number = b"", 1
     has_zeros = False
-    with path.open("rb") as file:
-        file.seek(encoding.mark)
-        for piece in _utf8(file, encoding, line_end, size):
-            zero = piece.find(b"\0")
+    with path.open("rb", buffering=0) as file:
+        text = _Utf8Text(file, encoding, line_end)
+        while not has_zeros and (data := text.after(rest, size)) is not None:
+            zero = data.find(b"\0")
             if zero >= 0:
-                _refuse_text_behind_zeros(piece[zero:], file, path, number + (rest + piece[:zero]).count(b"\n"))
-                piece, has_zeros = piece[:zero], True
-            if end := piece.rfind(b"\n") + 1:
-                data = rest + piece[:end] if rest else piece[:end]
-                lines = data.count(b"\n")
+                _refuse_text_behind_zeros(data[zero:], file, path, number + data.count(b"\n", 0, zero))
+                del data[zero:]
+                has_zeros = True
+            end = data.rfind(b"\n") + 1
+            rest = bytes(data[end:])
+            if end:
+                del data[end:]
+                lines = int(np.count_nonzero(np.frombuffer(data, np.uint8) == _LINE_FEED))
                 yield Chunk(data, number, lines)
-                rest, number = piece[end:], number + lines
-            else:
-                rest += piece
+                number += lines
             if len(rest) > LONGEST_LINE:
                 raise InputError(
                     f"{path}: line {number} has no end within {LONGEST_LINE >> 20} MiB; expected is one row of the "
                     "table a line. The file is damaged there, or is no log."
                 )
-            if has_zeros:
-                break
     rest = rest.rstrip(b"\x1a\r ")
     if rest or has_zeros:
-        yield Chunk(rest + b"\n", number, 1, is_cut=bool(rest), has_zeros=has_zeros)
+        yield Chunk(bytearray(rest + b"\n"), number, 1, is_cut=bool(rest), has_zeros=has_zeros)
 
 
-def _utf8(file: BinaryIO, encoding: Encoding, line_end: str, size: int) -> Iterator[bytes]:
-    """Yield the text in UTF-8; what does not decode becomes the replacement character."""
-    decoder = codecs.getincrementaldecoder(encoding.codec)("replace")
-    is_pure = not encoding.is_wide
-    while data := file.read(size):
+class _Utf8Text:
+    """A file's text in UTF-8, read piece by piece; what does not decode becomes the replacement character."""
+
+    def __init__(self, file: FileIO, encoding: Encoding, line_end: str) -> None:
+        self._file, self._line_end = file, line_end
+        self._decoder = codecs.getincrementaldecoder(encoding.codec)("replace")
+        self._is_wide = encoding.is_wide
+        self._is_within = False  # a character that the last piece began
+        file.seek(encoding.mark)
+
+    def after(self, rest: bytes, size: int) -> bytearray | None:
+        """Return `rest` and up to `size` bytes more, None at the end of the file."""
+        data = bytearray(len(rest) + size)
+        data[: len(rest)] = rest
+        with memoryview(data) as view:
+            got = self._file.readinto(view[len(rest) :]) or 0
+        del data[len(rest) + got :]
+        if not got:
+            data += self._decoder.decode(b"", final=True).encode()
+            return data if len(data) > len(rest) else None
         # Bytes below 128 stand for themselves in every encoding but the wide ones.
-        if not (is_pure and data.isascii()):
-            data = decoder.decode(data).encode()
-            is_pure = not encoding.is_wide and not decoder.getstate()[0]
-        yield data.replace(b"\r", b"\n") if line_end == "CR" else data
-    if tail := decoder.decode(b"", final=True):
-        yield tail.encode()
+        if self._is_wide or self._is_within or not data.isascii():
+            data[len(rest) :] = self._decoder.decode(bytes(data[len(rest) :])).encode()
+            self._is_within = bool(self._decoder.getstate()[0])
+        return data.replace(b"\r", b"\n") if self._line_end == "CR" else data
 
 
-def _refuse_text_behind_zeros(rest: bytes, file: BinaryIO, path: Path, line: int) -> None:
+def _refuse_text_behind_zeros(rest: bytes | bytearray, file: FileIO, path: Path, line: int) -> None:
     """Raise InputError where anything but zeros follows the first zero byte."""
     while rest:
         if rest.strip(b"\0\r\n\x1a"):

@@ -75,13 +75,11 @@ def name_and_unit(text: str) -> tuple[str, str | None]:
 
 def is_known_unit(text: str) -> bool:
     """Tell whether `text` is a unit; what cannot be one is not even tried: pint would compute 9**9**9."""
-    return (
-        len(text) <= _LONGEST_UNIT
-        and "**" not in text
-        and _PLAUSIBLE_UNIT.fullmatch(text) is not None
-        and any(letter.isalpha() or letter in "°℃℉%-1" for letter in text)
-        and is_unit(text)
-    )
+    return _could_be_unit(text) and any(letter.isalpha() or letter in "°℃℉%-1" for letter in text) and is_unit(text)
+
+
+def _could_be_unit(text: str) -> bool:
+    return len(text) <= _LONGEST_UNIT and "**" not in text and _PLAUSIBLE_UNIT.fullmatch(text) is not None
 
 
 def _first(*parts: str | None) -> str:
@@ -115,7 +113,7 @@ def names_and_units(texts: Sequence[str]) -> list[tuple[str, str | None]]:
     if any(unit and "[" in text for text, (_, unit) in zip(texts, split, strict=True)):
         for index, text in enumerate(texts):
             match = _BRACKETED.fullmatch(" ".join(text.split())) if len(text) <= _LONGEST_HEADER else None
-            if match and match["square"] and not match["square"].isdigit() and len(match["square"]) <= _LONGEST_UNIT:
+            if match and match["square"] and not match["square"].isdigit() and _could_be_unit(match["square"]):
                 split[index] = (match["name"], match["square"].strip())
     often = Counter(name for name, _ in split)
     for name, count in often.items():

@@ -29,7 +29,7 @@ def is_plain(layout: Layout) -> bool:
 
 def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed | None:
     """Read the `wanted` columns of a chunk as `rows.parse` does; None where anything in it is odd."""
-    if chunk.is_cut or chunk.has_zeros or _holds_heading(chunk.data, layout):
+    if chunk.is_cut or chunk.has_zeros or _holds_heading(chunk.data, layout, wanted):
         return None
     number_places = [column.index for column in wanted if column.kind == "number"]
     text_places = [column.index for column in wanted if column.kind == "text"]
@@ -71,11 +71,18 @@ def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed | No
     return Parsed(rows, columns, instants, {place: texts[place] for place in text_places}, Oddities())
 
 
-def _holds_heading(data: bytes, layout: Layout) -> bool:
-    return any(data.startswith(heading.encode()) or b"\n" + heading.encode() in data for heading in layout.headings)
+def _holds_heading(data: bytes | bytearray, layout: Layout, wanted: Sequence[Column]) -> bool:
+    """Tell whether the header comes again; where it would show as text among numbers it need not be looked for."""
+    numbers = [column.index for column in wanted if column.kind == "number"]
+    for heading in layout.headings:
+        cells = layout.dialect.split(heading)
+        shows = any(layout.notation.number(cells[place]) is None for place in numbers if place < len(cells))
+        if not shows and (data.startswith(heading.encode()) or b"\n" + heading.encode() in data):
+            return True
+    return False
 
 
-def _texts(data: bytes, spans: np.ndarray) -> list[str]:
+def _texts(data: bytes | bytearray, spans: np.ndarray) -> list[str]:
     """Return the trimmed texts between first and last bytes, shape (2, rows)."""
     pairs: Iterator[tuple[int, int]] = zip(*spans.tolist(), strict=True)
     if data.isascii():

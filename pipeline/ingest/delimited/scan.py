@@ -165,6 +165,8 @@ def scan(data, delimiter, decimal, kinds, slots, marks, numbers, spans, unusual)
                 i += 1
                 while in_blanks and (data[i] == _BLANK or data[i] == _TAB):
                     i += 1
+                if in_blanks and (data[i] == _LINE_FEED or data[i] == _RETURN):
+                    return GAVE_UP, 0
         while data[i] == _RETURN or (in_blanks and (data[i] == _BLANK or data[i] == _TAB)):
             i += 1
         if data[i] != _LINE_FEED or not is_filled:
