@@ -1,0 +1,140 @@
+"""Chapters and methods of `mre.shear` from findings as they lie on disk, for every kind of campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import Figure, Line, Points, Section, Table
+from pipeline.findings.storage import read, write
+from pipeline.recording import Channel, Recording, Stream
+from pipeline.rigs.experiment import Context
+from pipeline.rigs.mre.shear import SHEAR, ShearSettings
+from pipeline.rigs.mre.shear_residuals import field_laws
+from pipeline.rigs.mre.synthetic import synthesize_rich
+
+SHORT = {"duration": 1.2, "preload_runs": False}
+
+
+def preload_campaign() -> list[Recording]:
+    return SHEAR.synthesize({"duration": 2.0, "campaign": "smallest"}, 1)
+
+
+def sequence_campaign() -> list[Recording]:
+    runs = SHEAR.synthesize({**SHORT, "gain_scatter": 0.003, "currents": [0.0, 6.0]}, 1)
+    return [replace(r, conditions={**r.conditions, "sequence_index": float(i)}) for i, r in enumerate(runs)]
+
+
+def one_run() -> list[Recording]:
+    return SHEAR.synthesize({**SHORT, "currents": [0.0], "frequencies": [10.0]}, 1)
+
+
+def bare() -> list[Recording]:
+    out = []
+    for recording in SHEAR.synthesize({**SHORT, "currents": [0.0]}, 1):
+        (stream,) = recording.streams.values()
+        kept = {name: stream.channels[name] for name in ("displacement", "force")}
+        out.append(Recording(recording.run, {"": Stream("", stream.time, kept)}))
+    return out
+
+
+def inverted() -> list[Recording]:
+    out = []
+    for recording in bare():
+        (stream,) = recording.streams.values()
+        F = stream.channels["force"]
+        channels = {**stream.channels, "force": replace(F, values=-F.values)}
+        out.append(replace(recording, streams={"": replace(stream, channels=channels)}))
+    return out
+
+
+def half_cycles() -> list[Recording]:
+    time = np.arange(0, 20, 0.02)
+    x = 0.01 * np.minimum(time, 20 - time) / 10
+    F = 5000 * x + np.where(time <= 10, 2.0, -2.0) * (x / 0.01) + np.random.default_rng(0).normal(0, 0.01, time.size)
+    channels = {"displacement": Channel("displacement", x, "m"), "force": Channel("force", F, "N")}
+    return [Recording(name, {"": Stream("", time, channels)}) for name in ("first", "second")]
+
+
+def record() -> list[Recording]:
+    return [synthesize_rich({}, 5, duration=12.0)]
+
+
+CAMPAIGNS: list[Callable[[], list[Recording]]] = [
+    preload_campaign,
+    sequence_campaign,
+    one_run,
+    bare,
+    inverted,
+    half_cycles,
+    record,
+]
+
+
+def from_disk(recordings: list[Recording], folder: Path) -> Findings:
+    found = SHEAR.identify(recordings, ShearSettings(), Context("test", {}))
+    write(found.model_copy(update={"settings": ShearSettings().model_dump()}), folder)
+    return read(folder)
+
+
+def blocks(chapters: list[Section]) -> dict[str, Figure | Table]:
+    return {block.name: block for chapter in chapters for block in chapter.blocks if isinstance(block, Figure | Table)}
+
+
+@pytest.mark.parametrize("campaign", CAMPAIGNS, ids=lambda campaign: campaign.__name__)
+def test_chapters_are_made_from_what_is_on_disk(campaign: Callable[[], list[Recording]], tmp_path: Path) -> None:
+    findings = from_disk(campaign(), tmp_path)
+    chapters = list(SHEAR.sections(findings))
+    assert chapters
+    for chapter in chapters:
+        assert chapter.blocks, f"the chapter '{chapter.name}' is empty"
+    for name, block in blocks(chapters).items():
+        assert block.caption, name
+        if isinstance(block, Table):
+            assert all(len(row) == len(block.columns) for row in block.rows), name
+            continue
+        assert "?" in block.caption, f"the caption of '{name}' asks nothing"
+        for panel in block.panels:
+            assert panel.marks, name
+            for mark in panel.marks:
+                if isinstance(mark, Points | Line):
+                    assert mark.x.shape == mark.y.shape
+                    assert np.isfinite(mark.y).any(), f"{name}: {panel.title} shows nothing"
+    paragraphs = SHEAR.methods(findings)
+    assert paragraphs
+    assert not any("nan" in text.lower().split() for text in paragraphs)
+
+
+def test_the_agreement_of_every_metric_covers_zero_for_the_true_model(tmp_path: Path) -> None:
+    findings = from_disk(SHEAR.synthesize({**SHORT, "currents": [0.0, 6.0]}, 2), tmp_path)
+    table = findings.arrays["agreement"]
+    inside = ((table["low"] < 1) & (table["high"] > 1)).mean()
+    assert inside > 0.85  # 95 % each, and the model was fitted to them
+    assert len(table) == 4 * 6
+
+
+def test_the_order_of_the_runs_is_shown_where_it_is_known(tmp_path: Path) -> None:
+    findings = from_disk(sequence_campaign(), tmp_path)
+    figure = blocks(list(SHEAR.sections(findings)))["sequence"]
+    assert isinstance(figure, Figure)
+    (points,) = [mark for mark in figure.panels[0].marks if isinstance(mark, Points)]
+    assert points.x.tolist() == sorted(points.x.tolist())
+    assert "sequence" not in blocks(list(SHEAR.sections(from_disk(bare(), tmp_path / "other"))))
+
+
+@pytest.mark.parametrize(
+    ("k_mr", "words"),
+    [
+        ({2.0: 7.5e4, 4.0: 1.5e5, 6.0: 2.25e5}, "saturation is not reached"),
+        ({2.0: 1.2e5, 4.0: 1.9e5, 6.0: 2.1e5}, "saturation begins"),
+    ],
+)
+def test_the_law_of_the_field_tells_whether_saturation_is_seen(k_mr: dict[float, float], words: str) -> None:
+    findings = SHEAR.identify(SHEAR.synthesize({**SHORT, "k_mr": k_mr}, 4), ShearSettings(), Context("test", {}))
+    law = field_laws(findings.parameters).set_index("name").loc["k_mr"]
+    assert words in law["verdict"]
