@@ -127,8 +127,11 @@ def _told(estimates: Sequence[Estimate]) -> list[Estimate]:
 
 def _parameter(estimate: Estimate, at: OperatingPoint, method: str) -> Parameter:
     spec = _SPECS[estimate.name]
-    description = spec.description if not estimate.reason else f"{spec.description}; {estimate.reason}"
     value = estimate.value if estimate.value is not None and math.isfinite(estimate.value) else None
+    if value is None:
+        description = estimate.reason or "not determined"
+    else:
+        description = f"{spec.description}; {estimate.reason}" if estimate.reason else spec.description
     return Parameter(
         name=estimate.name,
         symbol=spec.symbol,

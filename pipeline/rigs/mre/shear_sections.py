@@ -151,6 +151,12 @@ def _records(findings: Findings) -> list[Figure | Text]:
     if "series" not in findings.arrays:
         return []
     table = findings.arrays["series"]
+    errors = [model.cv_error for model in findings.models if model.cv_error is not None]
+    predicted = (
+        f" Fitted to the first half only, it misses {100 * max(errors):.3g} % of the force (rms) in the second."
+        if errors
+        else ""
+    )
     blocks: list[Figure | Text] = []
     for run in list(table["run"].unique())[:4]:
         part = table[table["run"] == run]
@@ -161,8 +167,8 @@ def _records(findings: Findings) -> list[Figure | Text]:
             Figure(
                 f"record_{len(blocks)}",
                 f"Record {run}",
-                "Does the model follow the record? A stretch of its second half; the model shown is that of the whole "
-                "record.",
+                f"Does the model follow the record? A stretch of its second half; the model shown is that of the whole "
+                f"record.{predicted}",
                 "force over time, measured and model; below the residual; beside the loops",
                 [
                     Panel(

@@ -61,10 +61,7 @@ def _checks(findings: Findings) -> list[Table]:
     table = findings.arrays.get("residual_checks")
     if table is None:
         return []
-    rows = [
-        [row["of"], row["name"], None if np.isnan(row["p_value"]) else f"{row['p_value']:.2g}", row["verdict"]]
-        for row in table.to_dict("records")
-    ]
+    rows = [[row["of"], row["name"], _probability(row["p_value"]), row["verdict"]] for row in table.to_dict("records")]
     return [
         Table(
             "residual_checks",
@@ -75,6 +72,10 @@ def _checks(findings: Findings) -> list[Table]:
             rows,
         )
     ]
+
+
+def _probability(p: float) -> str | None:
+    return None if np.isnan(p) else "< 0.0001" if p < 1e-4 else f"{p:.2g}"
 
 
 def _sequence(findings: Findings) -> list[Figure]:
@@ -110,6 +111,8 @@ def _correlation(findings: Findings) -> list[Figure]:
     said = (
         "above 500: only combinations are known" if condition > 500 else "below 500: the parameters can be told apart"
     )
+    if condition <= 500 and findings.verdict == "rejected":
+        said = "of a model that does not hold, which tells nothing of the device"
     return [
         Figure(
             "correlation",
