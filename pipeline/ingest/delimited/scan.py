@@ -3,6 +3,9 @@
 One long loop on purpose: called or inlined, the reading of a number takes twice the time.
 """
 
+# Compiled code has the types that numba infers; the checker's notion of numpy scalars does not fit it.
+# mypy: disable-error-code="assignment,no-untyped-def"
+
 from __future__ import annotations
 
 import numba
@@ -15,21 +18,21 @@ GAVE_UP = -1
 
 _TAB, _LINE_FEED, _RETURN, _BLANK, _QUOTE, _PLUS, _MINUS, _ZERO = 9, 10, 13, 32, 34, 43, 45, 48
 _UPPER_E, _LOWER_E, _A, _N = 69, 101, 97, 110
-_TEN, _NOUGHT = np.uint64(10), np.uint64(_ZERO)
+_ONE, _TWO, _THREE, _FOUR, _TEN, _NOUGHT = (np.uint64(value) for value in (1, 2, 3, 4, 10, _ZERO))
 # Doubles themselves, so that one division rounds once (Clinger, "How to read floating point numbers accurately", 1990).
 _EXACT_WHOLE, _EXACT_POWER = np.uint64(1 << 53), 22
 _TENS = np.array([10.0**power for power in range(_EXACT_POWER + 1)])
 
 
 @numba.njit(inline="always")
-def _is_end(byte, delimiter, quoted, in_blanks):  # type: ignore[no-untyped-def]
+def _is_end(byte, delimiter, quoted, in_blanks):
     if quoted:
         return byte == _QUOTE
     return byte in (delimiter, _LINE_FEED, _RETURN) or (in_blanks and byte == _TAB)
 
 
 @numba.njit(nogil=True, cache=True)
-def scan(data, delimiter, decimal, kinds, slots, marks, numbers, spans, unusual):  # type: ignore[no-untyped-def]
+def scan(data, delimiter, decimal, kinds, slots, marks, numbers, spans, unusual):
     """Read rows of one width.
 
     Parameters
@@ -54,69 +57,70 @@ def scan(data, delimiter, decimal, kinds, slots, marks, numbers, spans, unusual)
     tuple of int
         Rows and filled lines of `unusual`; rows are `GAVE_UP` where something is odd.
     """
-    i, size, row, n_unusual, width = 0, data.size, 0, 0, kinds.size
+    # Places are unsigned: with signed ones each access would first be asked whether it counts from the end.
+    i, size, row, n_unusual, width = np.uint64(0), np.uint64(data.size), 0, 0, kinds.size
     in_blanks = delimiter == _BLANK
     while i < size:
         while data[i] == _BLANK or (in_blanks and data[i] == _TAB):
-            i += 1
+            i += _ONE
         if data[i] == _LINE_FEED or data[i] == _RETURN:
-            i += 1
+            i += _ONE
             continue
-        if marks[data[i]] or (data[i] == _QUOTE and marks[data[i + 1]]):
+        if marks[data[i]] or (data[i] == _QUOTE and marks[data[i + _ONE]]):
             return GAVE_UP, 0
         is_filled = False
         for column in range(width):
             while data[i] == _BLANK:
-                i += 1
+                i += _ONE
             quoted = data[i] == _QUOTE
             if quoted:
-                i += 1
+                i += _ONE
                 while data[i] == _BLANK:
-                    i += 1
+                    i += _ONE
             begin = i
             kind = kinds[column]
             is_read = False
             if kind == NUMBER:
                 is_negative = data[i] == _MINUS
                 if is_negative or data[i] == _PLUS:
-                    i += 1
+                    i += _ONE
                 start = i
                 while data[i] == _ZERO:
-                    i += 1
-                w, power, n_zeros = np.uint64(0), 0, i - start
+                    i += _ONE
+                w, power, n_zeros = np.uint64(0), 0, np.int64(i - start)
                 digit = np.uint64(data[i]) - _NOUGHT  # what is no digit becomes large
                 while digit < _TEN:
                     w = w * _TEN + digit
-                    i += 1
+                    i += _ONE
                     digit = np.uint64(data[i]) - _NOUGHT
-                n_digits = i - start
+                n_digits = np.int64(i - start)
                 if data[i] == decimal and (quoted or decimal != delimiter):
-                    i += 1
+                    i += _ONE
                     point = i
                     if n_zeros == n_digits:
                         while data[i] == _ZERO:
-                            i += 1
-                        n_zeros += i - point
+                            i += _ONE
+                        n_zeros += np.int64(i - point)
                     digit = np.uint64(data[i]) - _NOUGHT
                     while digit < _TEN:
                         w = w * _TEN + digit
-                        i += 1
+                        i += _ONE
                         digit = np.uint64(data[i]) - _NOUGHT
-                    power = point - i
+                    power = -np.int64(i - point)
                     n_digits -= power
                 is_read = 0 < n_digits <= MOST_DIGITS + n_zeros
                 if is_read and (data[i] == _LOWER_E or data[i] == _UPPER_E):
-                    i += 1
+                    i += _ONE
                     is_small = data[i] == _MINUS
                     if is_small or data[i] == _PLUS:
-                        i += 1
+                        i += _ONE
                     first, exponent = i, np.int64(0)
                     digit = np.uint64(data[i]) - _NOUGHT
-                    while digit < _TEN and i - first < 4:
+                    while digit < _TEN and i < first + _FOUR:
                         exponent = exponent * 10 + np.int64(digit)
-                        i += 1
+                        i += _ONE
                         digit = np.uint64(data[i]) - _NOUGHT
-                    power += -exponent if is_small else exponent  # type: ignore[assignment]
+                    power += -exponent if is_small else exponent
                     is_read = i > first
                 if is_read:
                     if w < _EXACT_WHOLE and -_EXACT_POWER <= power <= 0:
@@ -128,20 +132,20 @@ def scan(data, delimiter, decimal, kinds, slots, marks, numbers, spans, unusual)
                     else:
                         value, is_read = 0.0, False
                     numbers[slots[column], row] = -value if is_negative else value
-                elif n_digits == 0 and data[i] | 32 == _N and data[i + 1] | 32 == _A and data[i + 2] | 32 == _N:
-                    i += 3
-                    is_read = i - begin == 3
+                elif n_digits == 0 and data[i] | 32 == _N and data[i + _ONE] | 32 == _A and data[i + _TWO] | 32 == _N:
+                    i += _THREE
+                    is_read = i == begin + _THREE
                     numbers[slots[column], row] = np.nan
                 is_filled = is_filled or is_read
                 while is_read and data[i] == _BLANK and not in_blanks:
-                    i += 1
+                    i += _ONE
             # A number ends where its cell ends; what goes on, or is none, is taken as text up to there.
             if not is_read or not _is_end(data[i], delimiter, quoted, in_blanks):
                 i = begin
                 while not _is_end(data[i], delimiter, quoted, in_blanks):
                     if data[i] == _QUOTE or data[i] == _LINE_FEED:
                         return GAVE_UP, 0
-                    i += 1
+                    i += _ONE
                 is_filled = is_filled or i > begin
                 if kind == NUMBER and i == begin:
                     numbers[slots[column], row] = np.nan
@@ -156,21 +160,21 @@ def scan(data, delimiter, decimal, kinds, slots, marks, numbers, spans, unusual)
                 elif kind == EMPTY and i > begin:
                     return GAVE_UP, 0
             if quoted:
-                i += 1
+                i += _ONE
                 if not _is_end(data[i], delimiter, False, in_blanks):
                     return GAVE_UP, 0
             if column < width - 1:
                 if data[i] == _LINE_FEED or data[i] == _RETURN:
                     return GAVE_UP, 0
-                i += 1
+                i += _ONE
                 while in_blanks and (data[i] == _BLANK or data[i] == _TAB):
-                    i += 1
+                    i += _ONE
                 if in_blanks and (data[i] == _LINE_FEED or data[i] == _RETURN):
                     return GAVE_UP, 0
         while data[i] == _RETURN or (in_blanks and (data[i] == _BLANK or data[i] == _TAB)):
-            i += 1
+            i += _ONE
         if data[i] != _LINE_FEED or not is_filled:
             return GAVE_UP, 0
-        i += 1
+        i += _ONE
         row += 1
     return row, n_unusual
