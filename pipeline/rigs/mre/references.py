@@ -40,6 +40,15 @@ ISMAIL_2009 = Reference(
     volume="16",
     pages="161-188",
 )
+NEWEY_WEST_1987 = Reference(
+    "newey1987",
+    "W. K. Newey and K. D. West",
+    "A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix",
+    "Econometrica",
+    1987,
+    volume="55",
+    pages="703-708",
+)
 SCHWARZ_1978 = Reference(
     "schwarz1978",
     "G. Schwarz",

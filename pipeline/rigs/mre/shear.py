@@ -15,7 +15,14 @@ from pipeline.findings import Findings
 from pipeline.findings.figures import Section
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Context, Experiment, ParameterSpec, Settings
-from pipeline.rigs.mre.references import BRANCATI_2019, GOLUB_PEREYRA_1973, ISMAIL_2009, KAUFMAN_1975, SCHWARZ_1978
+from pipeline.rigs.mre.references import (
+    BRANCATI_2019,
+    GOLUB_PEREYRA_1973,
+    ISMAIL_2009,
+    KAUFMAN_1975,
+    NEWEY_WEST_1987,
+    SCHWARZ_1978,
+)
 
 
 class ShearSettings(Settings):
@@ -131,7 +138,7 @@ SHEAR = Experiment(
     id="mre.shear",
     title="Shear of magneto-rheological elastomer pads",
     summary="Stiffness, damping and the Bouc-Wen model with a Maxwell branch from loops of force and displacement.",
-    references=(BRANCATI_2019, GOLUB_PEREYRA_1973, KAUFMAN_1975, ISMAIL_2009, SCHWARZ_1978),
+    references=(BRANCATI_2019, GOLUB_PEREYRA_1973, KAUFMAN_1975, ISMAIL_2009, SCHWARZ_1978, NEWEY_WEST_1987),
     channels=CHANNELS,
     conditions=CONDITIONS,
     parameters=PARAMETERS,

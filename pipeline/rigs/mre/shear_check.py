@@ -11,6 +11,8 @@ from pipeline.recording import QualityFinding, Recording
 
 # Plausible shear moduli of elastomers, Pa.
 MODULUS_RANGE = (0.05e6, 10e6)
+# Share of the work of a block-shaped loop below which a sign of the work says nothing.
+LEAST_WORK = 0.02
 
 
 def check(recording: Recording) -> Sequence[QualityFinding]:
@@ -38,6 +40,18 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
                 "sign; mend it in the recipe with 'sign: -1'.",
             )
         )
+    else:
+        # Work put in over the path, as a share of what a block of rms force would need.
+        path = float(np.abs(np.diff(x)).sum()) * math.sqrt(float(F @ F) / F.size)
+        work = float(np.trapezoid(F, x))
+        if work < -LEAST_WORK * path:
+            found.append(
+                QualityFinding(
+                    "warning",
+                    "the loop of force over displacement runs the wrong way round, as if the sample gave energy, though "
+                    "force rises with displacement: the two channels may be swapped, or the force leads by a wrong clock.",
+                )
+            )
     diameter, height = recording.conditions.get("pad_diameter"), recording.conditions.get("pad_height")
     if isinstance(diameter, float) and isinstance(height, float) and slope > 0:
         pads = float(recording.conditions.get("n_pads", 2.0) or 2.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipeline.errors import listing
 from pipeline.findings import Findings
 from pipeline.rigs.mre.shear_parameters import VARIANT_TEXTS
 
@@ -11,12 +12,14 @@ from pipeline.rigs.mre.shear_parameters import VARIANT_TEXTS
 def methods(findings: Findings) -> Sequence[str]:
     """Return paragraphs that a second person can repeat the analysis from."""
     kinds = findings.arrays["runs"]["kind"].value_counts() if "runs" in findings.arrays else {}
-    paragraphs = []
+    paragraphs = [_selection(findings)]
     if kinds.get("periodic"):
         paragraphs.append(_loops(findings, int(kinds["periodic"])))
     if any(model.name in VARIANT_TEXTS for model in findings.models):
         paragraphs.append(_dynamic(findings))
         paragraphs.append(_errors(findings))
+    if "preload_states" in findings.arrays:
+        paragraphs.append(_preload())
     if any(model.name.startswith("time_domain") for model in findings.models):
         paragraphs.append(_time(findings))
     if kinds.get("half_cycle"):
@@ -26,6 +29,31 @@ def methods(findings: Findings) -> Sequence[str]:
             "the unloading covers again."
         )
     return paragraphs
+
+
+def _selection(findings: Findings) -> str:
+    left = [run.run for run in findings.runs if not run.used]
+    told = (
+        f" {len(left)} of {len(findings.runs)} runs were left out ({listing(left, 8)}), each for the reason given."
+        if left
+        else ""
+    )
+    return (
+        "Each run was sorted by its displacement: still, one load and unload, steady cycles, or neither. Runs with a dead, "
+        "stuck or clipped channel, or with a loop that would give energy, were left out; still stretches, cycles before "
+        "the steady state and lone wild samples do not enter. A run that contradicts the others was set aside where these "
+        "agree without it (chi2 per degree of freedom below 2, or less than half the scatter) and without no other."
+        f"{told}"
+    )
+
+
+def _preload() -> str:
+    return (
+        "Stiffness against preload is compared per preload and frequency. At equal force the measured secant stiffnesses "
+        "are compared as they are; at equal amplitude each is multiplied by the ratio that the dynamic model gives between "
+        "its own amplitude and that of the run with the least current, where runs of another preload keep the shape of the "
+        "model and get a stiffness and a viscous coefficient of their own."
+    )
 
 
 def _loops(findings: Findings, count: int) -> str:
@@ -63,6 +91,8 @@ def _dynamic(findings: Findings) -> str:
 def _errors(findings: Findings) -> str:
     scatter = next((p for p in findings.parameters if p.name == "run_scatter" and p.value), None)
     found = f" It is {100 * (scatter.value or 0.0):.2g} % here." if scatter else " The data ask for none here."
+    if findings.verdict == "rejected":
+        found = " It does not explain the misfit here; the errors told are those of plain least squares, by the runs."
     allowed = findings.settings.get("run_scatter", True)
     text = (
         "A gain error of the force that changes from run to run, up to 2 %, was estimated by maximum marginal likelihood "
@@ -83,6 +113,6 @@ def _time(findings: Findings) -> str:
     return (
         "Records without a period were fitted in time: displacement and force through the same zero-phase low-pass "
         f"({told}), the model integrated along the filtered displacement, linear coefficients and an offset projected out. "
-        "Intervals are widened by the effective number of residuals, which are coloured. The model was fitted to the first "
+        "Standard errors allow for residuals that are correlated in time (Newey and West 1987). The model was fitted to the first "
         "half and its error in predicting the second half is given; the parameters come from the whole record."
     )
