@@ -61,6 +61,8 @@ class DynamicFit:
         Weighted sum of squares (run scatter accounted for) and degrees of freedom; per run chi2 over
         its number of data *without* scatter, the run's estimated relative gain error, and rms misfit
         over rms of the measured force about its mean.
+    scatter, noise
+        Run scatter; whitening matrix of each run's rows (real parts of the kept harmonics, then imaginary).
     rejected, inadmissible, at_bound
         Whether the residual is no noise even with scatter; determined parameters whose sign is
         impossible (k1, k2, alpha_bw < 0); parameters at a bound.
@@ -91,6 +93,7 @@ class DynamicFit:
     nrmse: float
     n_data: int
     scatter: Scatter
+    noise: Mapping[str, np.ndarray]
     rejected: bool
     starts_agreeing: tuple[int, int]
 

@@ -7,11 +7,12 @@ field terms of their own per current. No fitting and no statistics here.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.rigs.mre.loop import N_F, N_X, Loop, curve
+from pipeline.rigs.mre.loop_noise import correlated, independent
 
 # Which columns get a coefficient per current beside the shared u, x, w (mre.md 3.6, structural objection);
 # "base" is for runs at one current.
@@ -127,9 +128,19 @@ class HarmonicColumns:
 class HarmonicModel:
     """The separable model of several loops: ``model(q) -> (A, dA)``, one row per kept force harmonic."""
 
-    def __init__(self, loops: Sequence[Loop], layout: Layout, held_lag: float | None = None) -> None:
-        """`held_lag` (s) is used where the lag is not a parameter; None makes it the fifth."""
+    def __init__(
+        self,
+        loops: Sequence[Loop],
+        layout: Layout,
+        held_lag: float | None = None,
+        blocks: tuple[np.ndarray, ...] | None = None,
+    ) -> None:
+        """`held_lag` (s) is used where the lag is not a parameter; None makes it the fifth.
+
+        `blocks` are the whitening matrices of the runs (`loop_noise`).
+        """
         self.layout, self.held_lag = layout, held_lag
+        self.blocks = independent(loops) if blocks is None else blocks
         self.loops = tuple(loops)
         self.columns = HarmonicColumns(
             np.array([loop.X for loop in loops]), np.array([loop.frequency for loop in loops])
@@ -137,7 +148,7 @@ class HarmonicModel:
         self.kept = np.array([loop.kept for loop in loops])
         self.run_of_row = np.nonzero(self.kept)[0]
         self.data = np.array([loop.F for loop in loops])[self.kept]
-        self.weights = 1 / np.array([effective_sd(loop) for loop in loops])[self.kept]
+        self.groups = np.tile(self.run_of_row, 2)
         lower, upper = search_space(max(loop.amplitude for loop in loops))
         self.lower, self.upper = lower[: self.n_shape], upper[: self.n_shape]
 
@@ -151,10 +162,25 @@ class HarmonicModel:
         """Measured harmonics, imaginary parts behind the real ones, N."""
         return real_rows(self.data)
 
-    @property
-    def weighted_data(self) -> np.ndarray:
-        """The same divided by their standard deviation."""
-        return real_rows(self.data * self.weights)
+    def whitened(self, rows: np.ndarray) -> np.ndarray:
+        """Return rows (as `real_data`, shape (m, ...)) made independent with unit variance by run."""
+        out = np.empty_like(rows, dtype=float)
+        for i, block in enumerate(self.blocks):
+            here = self.groups == i
+            out[here] = (block @ rows[here].reshape(block.shape[1], -1)).reshape(rows[here].shape)
+        return out
+
+    def noise_around(self, q: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return the whitening matrices with the noise of x carried through the model at a fit."""
+
+        def force(X: np.ndarray) -> np.ndarray:
+            moved = [
+                replace(loop, X=row, kept=np.ones(N_F, dtype=bool)) for loop, row in zip(self.loops, X, strict=True)
+            ]
+            rows = HarmonicModel(moved, self.layout, self.held_lag)(q)[0] @ c
+            return np.asarray(rows.reshape(len(moved), N_F))
+
+        return correlated(self.loops, force)
 
     def predicted(self, q: np.ndarray, c: np.ndarray) -> np.ndarray:
         """Return the modelled harmonics as `real_data` has them."""
@@ -182,16 +208,6 @@ class HarmonicModel:
 def real_rows(rows: np.ndarray) -> np.ndarray:
     """Return complex rows as real ones, imaginary parts behind the real ones."""
     return np.concatenate([rows.real, rows.imag])
-
-
-def effective_sd(loop: Loop) -> np.ndarray:
-    """Return the standard deviation of each force harmonic, noise on x included (effective variance), (N_F,).
-
-    An error of X_h acts on F_h through the stiffness, about |F_1/X_1|.
-    """
-    sd = loop.sd_f.copy()
-    sd[:N_X] = np.hypot(sd[:N_X], abs(loop.F[0] / loop.X[0]) * loop.sd_x)
-    return sd
 
 
 def search_space(largest: float) -> tuple[np.ndarray, np.ndarray]:

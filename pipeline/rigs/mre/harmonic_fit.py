@@ -88,13 +88,15 @@ def identify_loops(loops: Sequence[Loop], options: FitOptions | None = None) -> 
     loops = [_without_known_mass(loop, options) for loop in loops]
     names = options.variants if len(levels) > 1 else ("base",)
     field = levels[reference] != 0
-    models = [
-        _model(loops, Layout(name, tuple(labels), tuple(levels), reference, options.fit_mass, field), options)
-        for name in names
-    ]
+    held_lag = None if options.fit_lag else options.force_lag
+    layouts = [Layout(name, tuple(labels), tuple(levels), reference, options.fit_mass, field) for name in names]
+    models = [HarmonicModel(loops, layout, held_lag) for layout in layouts]
     starts = spread_starts(max(loop.amplitude for loop in loops), options.starts, options.seed)
-    found = [_search(models[0], starts)]
-    found += [_search(model, [found[0][0].q]) for model in models[1:]]
+    first, agreeing, tried = _search(models[0], starts)
+    blocks = models[0].noise_around(first.q, first.c)
+    models = [HarmonicModel(loops, model.layout, model.held_lag, blocks) for model in models]
+    found = [_search(model, [first.q]) for model in models]
+    found[0] = (found[0][0], agreeing, tried)
     cap = options.scatter_cap if options.scatter else 0.0
     variants, chosen = compare_variants(models, [fit for fit, _, _ in found], cap)
     if chosen != 0:  # so far the winner was only started from another variant's optimum
@@ -113,13 +115,11 @@ def refit(fit: DynamicFit, loops: Sequence[Loop], options: FitOptions | None = N
     """
     options = options or FitOptions()
     labels = tuple(fit.level_of(loop.current) for loop in loops)
-    model = _model(loops, replace(fit.layout, labels=labels), options)
+    blocks = tuple(fit.noise[loop.run] for loop in loops)
+    held_lag = None if options.fit_lag else options.force_lag
+    model = HarmonicModel(loops, replace(fit.layout, labels=labels), held_lag, blocks)
     found = _search(model, [np.r_[np.log(fit.values[:2]), fit.values[2 : model.n_shape]]])
     return _finished(model, *found, options, held_scatter=fit.run_scatter)
-
-
-def _model(loops: Sequence[Loop], layout: Layout, options: FitOptions) -> HarmonicModel:
-    return HarmonicModel(loops, layout, None if options.fit_lag else options.force_lag)
 
 
 def _without_known_mass(loop: Loop, options: FitOptions) -> Loop:
@@ -149,8 +149,7 @@ def _solve(model: HarmonicModel, q0: np.ndarray, whiten: RowMap | None = None) -
         lower=model.lower,
         upper=model.upper,
         scale=SCALE[: model.n_shape],
-        weights=model.weights,
-        whiten=whiten,
+        whiten=model.whitened if whiten is None else lambda rows: whiten(model.whitened(rows)),
         tolerance=1e-9,
         max_evaluations=_MOST_EVALUATIONS,
     )
@@ -169,7 +168,7 @@ def _finished(
     held_scatter: float | None = None,
 ) -> DynamicFit:
     """Allow for run scatter, then turn the fit into parameters with errors."""
-    groups = np.tile(model.run_of_row, 2)
+    groups = model.groups
     if options.scatter and len(model.loops) > 1:
         scatter, fit, V = _with_scatter(model, base, groups, options.scatter_cap, held_scatter)
     else:
@@ -196,8 +195,8 @@ def _finished(
     )
     sd = np.sqrt(np.diag(errors.covariance))
     misfit = model.real_data - model.predicted(fit.q, fit.c)
-    raw = misfit * np.tile(model.weights, 2)
-    V_raw = gain_vectors(model.weighted_data - raw, groups)
+    raw = model.whitened(misfit)
+    V_raw = gain_vectors(model.whitened(model.real_data) - raw, groups)
     runs = [loop.run for loop in model.loops]
     square = scatter.value**2
     gains = square * (V_raw.T @ raw) / (1 + square * (V_raw**2).sum(axis=0))
@@ -233,6 +232,7 @@ def _finished(
         nrmse=rms_force(misfit, 1) / rms_force(signal, 1),
         n_data=fit.residual.size,
         scatter=scatter,
+        noise=dict(zip(runs, model.blocks, strict=True)),
         rejected=rejected,
         starts_agreeing=(agreeing, tried),
     )
@@ -248,7 +248,7 @@ def _with_scatter(
     fit, residual, jacobian = base, base.residual, base.jacobian
     before = 0.0
     for _ in range(_PASSES):
-        V = gain_vectors(model.weighted_data - residual, groups)
+        V = gain_vectors(model.whitened(model.real_data) - residual, groups)
         scatter = estimate_scatter(residual, V, jacobian, cap=cap)
         if held is not None:
             scatter = replace(scatter, value=held)
@@ -259,9 +259,8 @@ def _with_scatter(
         whiten = whitening(V, scatter.value)
         fit = _solve(model, fit.q, whiten)
         A, dA = model(fit.q)
-        weights = np.tile(model.weights, 2)
-        jacobian = real_rows(np.hstack([(dA @ fit.c).T, A])) * weights[:, None]
-        residual = (model.real_data - model.predicted(fit.q, fit.c)) * weights
+        jacobian = model.whitened(real_rows(np.hstack([(dA @ fit.c).T, A])))
+        residual = model.whitened(model.real_data - model.predicted(fit.q, fit.c))
         if abs(scatter.value - before) < 1e-3 * scatter.value:
             break
         before = scatter.value

@@ -14,8 +14,8 @@ import numpy as np
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.rigs.mre.dynamic_fit import DynamicFit
-from pipeline.rigs.mre.dynamic_model import effective_sd
 from pipeline.rigs.mre.loop import Loop, group_levels, half_range, loop_metrics
+from pipeline.rigs.mre.loop_noise import effective_sd
 
 # Force amplitudes that differ by less count as equal.
 _EQUAL_FORCE = 0.05

@@ -77,7 +77,7 @@ def undecided(variants: Sequence[VariantFit], selected: str) -> list[str]:
 
 def _deviance(model: HarmonicModel, fit: SeparableFit, cap: float) -> float:
     """Return -2 ln(likelihood) of a plain fit, with the run scatter that suits it best."""
-    V = gain_vectors(model.weighted_data - fit.residual, np.tile(model.run_of_row, 2))
+    V = gain_vectors(model.whitened(model.real_data) - fit.residual, model.groups)
     return estimate_scatter(fit.residual, V, fit.jacobian, cap=cap, restricted=False).deviance
 
 
