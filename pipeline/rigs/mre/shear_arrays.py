@@ -131,7 +131,7 @@ def _residual_harmonics(fit: DynamicFit | None) -> pd.DataFrame:
     """Return the misfit of each harmonic over its standard deviation, real and imaginary part."""
     if fit is None:
         return pd.DataFrame()
-    from pipeline.rigs.mre.dynamic_model import effective_sd
+    from pipeline.rigs.mre.loop_noise import effective_sd
 
     parts = []
     for loop in fit.loops:

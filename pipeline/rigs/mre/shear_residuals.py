@@ -11,8 +11,8 @@ import pandas as pd
 from pipeline.estimation.residuals import chi_square, normality, runs_test, whiteness
 from pipeline.findings import Parameter
 from pipeline.rigs.mre.dynamic_fit import DynamicFit
-from pipeline.rigs.mre.dynamic_model import effective_sd
 from pipeline.rigs.mre.loop import loop_metrics
+from pipeline.rigs.mre.loop_noise import effective_sd
 from pipeline.rigs.mre.shear_parameters import run_metrics
 from pipeline.rigs.mre.shear_runs import SortedRuns
 from pipeline.rigs.mre.time_fit import TimeFit
