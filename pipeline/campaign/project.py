@@ -150,7 +150,7 @@ def recipe_template(experiment: Experiment, title: str) -> str:
         "",
         "# Left the rig's name, right what the logs call it. A log that uses the rig's names and declares its",
         '# units needs no entry. Example:  force: {channel: "Load cell", unit: kN, sign: -1}',
-        "channels: {}",
+        "channels:",
         "#  time: {channel: Time, unit: s}        # or {rate: 5 kHz} where the logs have no time",
     ]
     for channel in experiment.channels:
@@ -161,7 +161,7 @@ def recipe_template(experiment: Experiment, title: str) -> str:
     lines += [
         "",
         "# Constants of all runs. Per run: a column in runs.csv, or a comment line or metadata in the log.",
-        "conditions: {}",
+        "conditions:",
     ]
     for condition in experiment.conditions:
         need = "" if condition.required else " (optional)"
@@ -171,10 +171,14 @@ def recipe_template(experiment: Experiment, title: str) -> str:
     if numeric is not None:
         example = f"run1_{{{numeric.name}:{numeric.unit}}}"
         lines += ["", "# Conditions that stand in the logs' file names:", f'# file_name: "{example}"']
-    lines += ["", "settings: {}"]
+    lines += ["", "settings:"]
     for name, field in experiment.settings.model_fields.items():
-        lines.append(f"#  {name}: {field.default}   # {field.description or ''}".rstrip())
+        lines.append(f"#  {name}: {_yaml(field.default)}   # {field.description or ''}".rstrip())
     return "\n".join(lines) + "\n"
+
+
+def _yaml(value: object) -> str:
+    return "null" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _quoted(text: str) -> str:

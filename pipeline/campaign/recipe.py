@@ -63,6 +63,11 @@ class RecipeFile(_Entry):
     uses: list[str] = Field(default_factory=list)
     synthetic: SyntheticEntry | None = None
 
+    @field_validator("channels", "conditions", "settings", "exclude", mode="before")
+    @classmethod
+    def _nothing_below_a_key_is_nothing(cls, value: Any) -> Any:
+        return {} if value is None else value
+
     @field_validator("channels", mode="before")
     @classmethod
     def _a_bare_name_is_the_channel(cls, value: Any) -> Any:

@@ -46,7 +46,7 @@ def test_the_recipe_of_a_new_campaign_is_valid_and_explains_every_name(project: 
 
 def test_the_commented_lines_of_a_new_recipe_are_valid_once_uncommented(project: Path) -> None:
     campaign = Project(project).add("new", SPRING, "")
-    text = campaign.recipe.read_text().replace("channels: {}\n", "channels:\n").replace("#  force", "  force")
+    text = campaign.recipe.read_text().replace("#  force", "  force")
     campaign.recipe.write_text(text)
     assert recipe.load(campaign.recipe).channels["force"].channel == "..."
 
@@ -61,3 +61,14 @@ def test_a_project_is_found_from_a_folder_within(project: Path) -> None:
     inner = project / "datasets" / "x"
     inner.mkdir(parents=True)
     assert Project.around(inner).root == project
+
+
+def test_every_setting_of_a_new_recipe_is_valid_once_uncommented(project: Path) -> None:
+    campaign = Project(project).add("pads", experiment("mre.shear"), "")
+    lines = campaign.recipe.read_text().splitlines()
+    start = lines.index("settings:")
+    campaign.recipe.write_text(
+        "\n".join([*lines[: start + 1], *(line.replace("#", "", 1) for line in lines[start + 1 :])])
+    )
+    made = recipe.load(campaign.recipe)
+    assert made.settings == experiment("mre.shear").settings()

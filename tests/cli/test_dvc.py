@@ -76,7 +76,7 @@ def test_a_changed_setting_does_not_read_the_logs_again_and_metrics_tell_the_dif
     recording = project / "recordings" / "two" / "first.parquet"
     before = recording.stat().st_mtime_ns
     recipe = project / "recipes" / "two.yaml"
-    recipe.write_text(recipe.read_text().replace("settings: {}", "settings: {largest_extension: 0.01}"))
+    recipe.write_text(recipe.read_text().replace("settings:\n", "settings: {largest_extension: 0.01}\n"))
     run(project, "dvc", "repro")
     assert recording.stat().st_mtime_ns == before
     assert "reports/two/metrics.json" in run(project, "dvc", "metrics", "show")

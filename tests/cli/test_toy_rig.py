@@ -73,7 +73,7 @@ def test_a_changed_condition_or_recipe_reads_the_log_again_and_settings_do_not(c
     first = recording.stat().st_mtime_ns
     recipe = campaign / "recipes/wire.yaml"
     text = recipe.read_text()
-    recipe.write_text(text.replace("settings: {}", "settings: {largest_extension: 0.05}"))
+    recipe.write_text(text.replace("settings:\n", "settings: {largest_extension: 0.05}\n"))
     rigfit("ingest", "wire")
     assert recording.stat().st_mtime_ns == first
     (campaign / "datasets/wire/runs.csv").write_text("run,wire_diameter [mm]\npull_1,2\n")
@@ -114,7 +114,7 @@ def test_a_stage_that_fails_leaves_earlier_results_in_place(campaign: Path, rigf
         rigfit(stage, "wire")
     kept = (campaign / "reports/wire/findings.json").read_bytes()
     recipe = campaign / "recipes/wire.yaml"
-    recipe.write_text(recipe.read_text().replace("settings: {}", "settings: {largest_extension: 1.e-9}"))
+    recipe.write_text(recipe.read_text().replace("settings:\n", "settings: {largest_extension: 1.e-9}\n"))
     answer = rigfit("identify", "wire")
     assert answer.status == 2
     assert "10 samples" in answer.err
