@@ -17,7 +17,7 @@ MAX_COLUMNS = 10_000
 _DELIMITERS = ("\t", ";", "|", ",", BLANKS)  # of equally good ones the first wins
 _HIDDEN = "\t;|"  # within a cell of text these rather part cells; commas and blanks stand in sentences
 _STAMPED_LINE = re.compile(r"\d\d:\d\d:\d\d(\.\d+)? -> ")
-_SAMPLE_LINES, _FEW_LINES = 200, 8
+_SAMPLE_LINES, _FEW_LINES, _MOST_JUDGED = 200, 8, 2000
 _CLEARLY, _HALF, _MOSTLY = 1.2, 0.5, 0.8
 
 
@@ -37,16 +37,21 @@ def detect(lines: Sequence[str], where: str) -> Fit:
     Raises
     ------
     InputError
-        If a line has more than `MAX_COLUMNS` cells, or no delimiter yields any row with a number.
+        If the rows have more than `MAX_COLUMNS` cells, or no delimiter yields any row with a number.
     """
     arrow = sum(bool(_STAMPED_LINE.match(line)) for line in lines) > len(lines) / 2
     parted = [line.split(ARROW, 1)[-1] for line in lines] if arrow else lines
-    best = _best(parted, where, _is_value)
-    if best.score < _MOSTLY and (labelled := _labelled(parted, where)).score > best.score:
+    best = _best(parted, _is_value)
+    if best.score < _MOSTLY and (labelled := _labelled(parted)).score > best.score:
         best = labelled
     if not _holds_rows(best):
         raise InputError(
             f"{where}: holds no rows of numbers. Expected is a table: names, perhaps units, then one row a sample."
+        )
+    if best.width > MAX_COLUMNS:
+        raise InputError(
+            f"{where}: its lines have {best.width} cells (parted by {best.dialect.name}); at most {MAX_COLUMNS} columns "
+            "are read. Is this a table with one row a sample?"
         )
     if arrow:
         delimiter = best.dialect.delimiter if best.dialect.delimiter != ONE_COLUMN else "\t"
@@ -59,24 +64,24 @@ def _holds_rows(fit: Fit) -> bool:
     return fit.rows > 1 or fit.score >= _HALF
 
 
-def _best(lines: Sequence[str], where: str, is_value: Callable[[str], bool]) -> Fit:
+def _best(lines: Sequence[str], is_value: Callable[[str], bool]) -> Fit:
     told = _told(lines)
     sample = list(_sample(lines))
     best = Fit(Dialect(ONE_COLUMN), 0, 0, 0.0)
     for delimiter in (told,) if told is not None else _DELIMITERS:
-        fit = _fit(Dialect(delimiter), sample, where, is_value)
+        fit = _fit(Dialect(delimiter), sample, is_value)
         # Blanks also stand within cells and part preambles: they must explain clearly more than another delimiter.
         if fit.width > 1 and fit.score > best.score * (_CLEARLY if delimiter == BLANKS else 1.0):
             best = fit
-    one = _fit(Dialect(ONE_COLUMN), sample, where, is_value)
+    one = _fit(Dialect(ONE_COLUMN), sample, is_value)
     return one if _is_one_column(one, best, lines) else best
 
 
-def _labelled(lines: Sequence[str], where: str) -> Fit:
+def _labelled(lines: Sequence[str]) -> Fit:
     """Return the best fit where numbers may have labels and units around them."""
-    fit = _best(lines, where, lambda cell: _is_value(cell) or is_labelled_number(cell))
+    fit = _best(lines, lambda cell: _is_value(cell) or is_labelled_number(cell))
     rows = [row for line in _sample(lines) if len(row := fit.dialect.split(line)) == fit.width]
-    return _fit(replace(fit.dialect, around=around_numbers(rows)), list(_sample(lines)), where, _is_value)
+    return _fit(replace(fit.dialect, around=around_numbers(rows)), list(_sample(lines)), _is_value)
 
 
 def _told(lines: Sequence[str]) -> str | None:
@@ -96,7 +101,7 @@ def _sample(lines: Sequence[str]) -> Iterator[str]:
     yield from filled[len(filled) % step :: step]
 
 
-def _fit(dialect: Dialect, sample: Sequence[str], where: str, is_value: Callable[[str], bool]) -> Fit:
+def _fit(dialect: Dialect, sample: Sequence[str], is_value: Callable[[str], bool]) -> Fit:
     rows: Counter[int] = Counter()
     shares: dict[int, float] = {}
     lines = 0
@@ -105,12 +110,7 @@ def _fit(dialect: Dialect, sample: Sequence[str], where: str, is_value: Callable
             continue
         lines += 1
         cells = dialect.split(line)
-        if len(cells) > MAX_COLUMNS:
-            raise InputError(
-                f"{where}: a line has {len(cells)} cells (parted by {dialect.name}); at most {MAX_COLUMNS} "
-                "columns are read."
-            )
-        if share := _share_of_numbers(cells, is_value):
+        if share := _share_of_numbers(cells[:_MOST_JUDGED], is_value):
             rows[len(cells)] += 1
             shares[len(cells)] = shares.get(len(cells), 0.0) + share
     if not rows:

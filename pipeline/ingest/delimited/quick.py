@@ -22,11 +22,6 @@ from pipeline.ingest.delimited.stamps import NOT_A_TIME
 _MOST_UNUSUAL = 1 << 15
 
 
-def is_plain(layout: Layout) -> bool:
-    """Tell whether rows of this layout can be read quickly at all."""
-    return not (layout.notation.grouping or layout.dialect.has_arrow or layout.dialect.around)
-
-
 def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed | None:
     """Read the `wanted` columns of a chunk as `rows.parse` does; None where anything in it is odd."""
     if chunk.is_cut or chunk.has_zeros or _holds_heading(chunk.data, layout, wanted):

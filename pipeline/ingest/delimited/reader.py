@@ -38,7 +38,7 @@ class DelimitedReader(Reader):
             fit = detect(lines[:-1] or lines, "")
         except InputError:
             return False
-        return fit.rows >= FEWEST_ROWS and fit.score >= _LIKELY_SCORE
+        return fit.rows >= FEWEST_ROWS - 1 and fit.score >= _LIKELY_SCORE
 
     def open(self, path: Path) -> RawLog:
         """Find out how a file is written; its rows are read by the table's `blocks`."""

@@ -41,8 +41,10 @@ def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed:
     """
     odd = Oddities()
     rows, lines = _rows(chunk, layout, odd)
+    if chunk.has_zeros:
+        odd.add("zeros", chunk.first_line)
     numbers, instants, texts, bad = _columns(rows, layout, wanted)
-    if chunk.is_cut and rows and (any(bad.values()) or _ends_early(rows[-1], layout)):
+    if chunk.is_cut and rows and (any(bad.values()) or chunk.data.count(b'"') % 2 or _ends_early(rows[-1], layout)):
         odd.add("cut", chunk.first_line, f"'{chunk.data.decode(errors='replace').strip()[:LONGEST_QUOTE]}'")
         return parse_nothing(layout, wanted, odd)
     for column in wanted:
@@ -53,8 +55,6 @@ def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed:
         for row, line in zip(rows, lines, strict=True):
             if row[column.index]:
                 odd.add("occupied", line, row[column.index][:LONGEST_QUOTE], column.index)
-    if chunk.has_zeros:
-        odd.add("zeros", chunk.first_line)
     return Parsed(len(rows), numbers, instants, texts, odd)
 
 

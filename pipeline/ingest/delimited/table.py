@@ -91,13 +91,27 @@ def parsed_chunks(
         for chunk in pieces:
             yield rows.parse(chunk, layout, wanted)
         return
-    from pipeline.ingest.delimited import quick  # compiles
+    quick = _compiled_pass() if is_plain(layout) else None
 
     def parse(chunk: Chunk) -> Parsed:
-        parsed = quick.parse(chunk, layout, wanted) if quick.is_plain(layout) else None
+        parsed = quick(chunk, layout, wanted) if quick else None
         return rows.parse(chunk, layout, wanted) if parsed is None else parsed
 
     yield from _in_order(parse, pieces)
+
+
+def is_plain(layout: Layout) -> bool:
+    """Tell whether the compiled pass knows how this file parts and writes numbers."""
+    return not (layout.notation.grouping or layout.dialect.has_arrow or layout.dialect.around)
+
+
+def _compiled_pass() -> Callable[[Chunk, Layout, Sequence[Column]], Parsed | None] | None:
+    """Load the compiled pass, None where there is no place to keep compiled code: the careful one reads all then."""
+    try:
+        from pipeline.ingest.delimited.quick import parse
+    except RuntimeError:  # numba finds neither the package's folder nor a cache of the user's to be writable
+        return None
+    return parse
 
 
 def _in_order(parse: Callable[[Chunk], Parsed], pieces: Iterator[Chunk]) -> Iterator[Parsed]:
