@@ -14,6 +14,7 @@ from pipeline.rigs.mre.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.harmonic_fit import FitOptions, Identification, identify_loops
 from pipeline.rigs.mre.leave_one_out import leave_one_out
 from pipeline.rigs.mre.loop import Loop, group_levels
+from pipeline.rigs.mre.other_optima import without_other_optima
 from pipeline.rigs.mre.preload import PreloadTable, preload_table, split_by_preload
 from pipeline.rigs.mre.shear import ShearSettings
 from pipeline.rigs.mre.shear_arrays import arrays_of
@@ -141,6 +142,7 @@ def _dynamic(
     if odd:
         left = {loop.run for loop in found.selected.loops}
         found = _with_mass(found, [loop for loop in main if loop.run in left], options, settings, runs)
+    found = replace(found, selected=without_other_optima(found.selected))
     if found.selected.rejected:
         mains_instead(found.selected, main, options, settings.mains_frequency, runs)
     return found, others
