@@ -21,8 +21,8 @@ MISSING = frozenset((
 ))
 # fmt: on
 _INFINITE = frozenset(("inf", "infinity", "1.#inf", "∞"))
-_NUMBER = re.compile(r"[+\-\u2212]?(?:[0-9]+(?:\.[0-9]*|,[0-9]+)?|[.,][0-9]+)(?:[eEdD][+-]?[0-9]{1,4})?")
-_WITH_POINT = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
+_NUMBER = re.compile(r"[+\-\u2212]?(?:[0-9]+(?:\.[0-9]*|,[0-9]+)?|[.,][0-9]+)(?:[eEdD][+-]?[0-9]+)?")
+_WITH_POINT = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _SIGNS = ("+", "-", "\u2212")
 _LONGEST_NUMBER = 400  # the smallest double, written out
 _BLANKS = " \u00a0\u2009\u202f"

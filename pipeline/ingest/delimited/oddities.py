@@ -52,10 +52,9 @@ class Oddities:
         return self.found.get((kind, None))
 
     def by_column(self, kind: str) -> Iterator[tuple[int, Oddity]]:
-        """Yield place of the column and oddity of a kind that concerns single columns."""
-        for (found, column), oddity in self.found.items():
-            if found == kind and column is not None:
-                yield column, oddity
+        """Yield place of the column and oddity of a kind that concerns single columns, from left to right."""
+        places = sorted(place for found, place in self.found if found == kind and place is not None)
+        yield from ((place, self.found[kind, place]) for place in places)
 
 
 def refuse_ragged(odd: Oddities, rows: int, path: Path, so_far: bool = False) -> None:
