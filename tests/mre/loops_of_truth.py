@@ -48,6 +48,7 @@ def _measured(truth: ShearTruth, loop: Loop, name: str, rng: np.random.Generator
     def noise(n: int, sd: float) -> np.ndarray:
         return sd * (rng.normal(size=n) + 1j * rng.normal(size=n))
 
+    fitted = np.arange(loop.X.size) < 5
     angular = loop.omega * np.arange(1, loop.F.size + 1)
     F = loop.F.copy()
     F[: loop.X.size] -= mass * angular[: loop.X.size] ** 2 * loop.X
@@ -55,9 +56,9 @@ def _measured(truth: ShearTruth, loop: Loop, name: str, rng: np.random.Generator
     return replace(
         loop,
         run=name,
-        X=loop.X + noise(loop.X.size, SD_X),
+        X=loop.X + noise(loop.X.size, SD_X) * fitted,
         F=F + noise(F.size, SD_F),
-        sd_x=np.full(loop.X.size, SD_X),
+        sd_x=SD_X * fitted,
         sd_f=np.full(F.size, SD_F),
         n_samples=20000,
         duration=4.0,

@@ -193,3 +193,17 @@ def test_levels_are_grouped_by_neighbourhood() -> None:
     assert group_levels([], 0.25) == ([], [])
     assert group_levels([None, None], 0.25) == ([0, 0], [0.0])
     assert group_levels([-2.0, 2.0], 0.25)[1] == [-2.0, 2.0]
+
+
+def test_triangular_motion_keeps_its_higher_harmonics() -> None:
+    t = np.arange(0, 4, 5e-4)
+    orders = np.arange(1, 200, 2)
+    triangle = 1e-3 * 8 / np.pi**2 * sum((-1) ** (h // 2) / h**2 * np.sin(2 * np.pi * 3 * h * t) for h in orders)
+    rng = np.random.default_rng(0)
+    loop = fit_loop("r", t, triangle + 1e-7 * rng.normal(size=t.size), 1e5 * triangle + 0.01 * rng.normal(size=t.size))
+    assert np.abs(loop.X[6]) == pytest.approx(1e-3 * 8 / np.pi**2 / 49, rel=0.01)
+    assert loop.amplitude == pytest.approx(1e-3, rel=0.03)
+    assert by_name(loop_metrics(loop))["stiffness_secant"] == pytest.approx(1e5, rel=1e-3)
+    sine_ = fit_loop("r", t, 1e-3 * np.sin(2 * np.pi * 3 * t) + 1e-7 * rng.normal(size=t.size), 1e5 * triangle)
+    assert np.all(sine_.X[5:] == 0)
+    assert np.all(sine_.sd_x[5:] == 0)

@@ -15,7 +15,8 @@ from pipeline.estimation.estimate import Estimate, estimate
 from pipeline.estimation.harmonic import HarmonicFit, fit_harmonics, fundamental
 from pipeline.signals.spectra import near_mains
 
-N_X, N_F = 5, 15  # harmonics of displacement and of force
+N_X = N_F = 15  # harmonics kept of displacement and of force
+_FIRST_X = 5  # of the displacement that are always fitted; the others only where the motion has them
 _LINES_BELOW = 3  # multiples of the mains frequency that are fitted beside the harmonics
 _BINS = 200  # periodogram bins averaged for the noise level at one harmonic
 
@@ -29,7 +30,8 @@ class Loop:
     run, frequency
         Name of the run; fitted fundamental, Hz.
     X, F
-        Harmonics 1..N_X of displacement (m) and 1..N_F of force (N), complex.
+        Harmonics 1..N_X of displacement (m) and 1..N_F of force (N), complex. Those of x beyond the fifth
+        are 0 (and have no error) unless they stand out of the noise, as those of a triangle do.
     sd_x, sd_f
         Standard deviation of the real and of the imaginary part of each, from the residual's level
         around that harmonic; shapes (N_X,) and (N_F,).
@@ -157,8 +159,11 @@ def fit_loop(
     drift = drift_degree(cycles)
     rate = (time.size - 1) / duration
     highest = max(int(0.45 * rate / f), 1)
-    n_x, n_f = min(N_X, highest), min(N_F, highest)
+    n_x, n_f = min(_FIRST_X, highest), min(N_F, highest)
     x = fit_harmonics(time, displacement, f, range(1, n_x + 1), drift)
+    if _more_harmonics(time, x, np.arange(n_x + 1, min(N_X, highest) + 1)):
+        n_x = min(N_X, highest)
+        x = fit_harmonics(time, displacement, f, range(1, n_x + 1), drift)
 
     orders = np.arange(1, N_F + 1)
     near, lines = np.zeros(N_F, dtype=bool), np.zeros(0)
@@ -176,7 +181,7 @@ def fit_loop(
         frequency=f,
         X=X_h,
         F=F_h,
-        sd_x=_noise(time, x, np.arange(1, N_X + 1)),
+        sd_x=np.where(np.arange(1, N_X + 1) <= n_x, _noise(time, x, np.arange(1, N_X + 1)), 0.0),
         sd_f=_noise(time, F, orders),
         kept=~near & (orders <= n_f),
         x_mean=x.offset,
@@ -188,6 +193,20 @@ def fit_loop(
         current=current,
         preload=preload,
     )
+
+
+def _more_harmonics(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> bool:
+    """Tell whether the residual holds lines at further `orders` that stand out of its noise."""
+    if not orders.size:
+        return False
+    residual = np.where(np.isfinite(fit.residual), fit.residual, 0.0)
+    turn = np.exp(-2j * np.pi * fit.frequency * time)
+    carried = residual * turn ** (orders[0] - 1)
+    lines = np.zeros(orders.size)
+    for i in range(orders.size):
+        carried *= turn
+        lines[i] = 2 * abs(carried.sum()) / fit.n
+    return bool(np.any(lines > 5 * _noise(time, fit, orders)))
 
 
 def _noise(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> np.ndarray:

@@ -42,7 +42,8 @@ def correlated(loops: Sequence[Loop], force: Callable[[np.ndarray], np.ndarray])
     X = np.array([loop.X for loop in loops])
     base = force(X)
     slopes = []
-    for k in range(N_X):
+    noisy = [k for k in range(N_X) if any(loop.sd_x[k] > 0 for loop in loops)]
+    for k in noisy:
         for direction in (1.0, 1j):
             step = np.zeros_like(X)
             step[:, k] = direction * _STEP * np.abs(X[:, 0])
@@ -50,7 +51,7 @@ def correlated(loops: Sequence[Loop], force: Callable[[np.ndarray], np.ndarray])
     blocks = []
     for i, loop in enumerate(loops):
         noise = np.diag(np.tile(loop.sd_f[loop.kept] ** 2, 2))
-        for slope, sd in zip(slopes, np.repeat(loop.sd_x, 2), strict=True):
+        for slope, sd in zip(slopes, np.repeat(loop.sd_x[noisy], 2), strict=True):
             moved = sd * slope[i][loop.kept]
             rows = np.concatenate([moved.real, moved.imag])
             noise += np.outer(rows, rows)

@@ -167,9 +167,10 @@ def true_force(truth: ShearTruth, run: ShearRun, X: np.ndarray, orders: int = 15
 
 
 def true_motion(truth: ShearTruth, run: ShearRun) -> np.ndarray:
-    """Return the displacement harmonics of a run, shape (5,), m: the sine and its two small harmonics."""
-    parts = [1.0, truth.second_harmonic * np.exp(0.7j), truth.third_harmonic * np.exp(0.3j), 0.0, 0.0]
-    return run.amplitude * -1j * np.array(parts)
+    """Return the displacement harmonics of a run, shape (15,), m: the sine and its two small harmonics."""
+    X = np.zeros(15, dtype=complex)
+    X[:3] = 1.0, truth.second_harmonic * np.exp(0.7j), truth.third_harmonic * np.exp(0.3j)
+    return run.amplitude * -1j * X
 
 
 def true_loop(truth: ShearTruth, run: ShearRun, frequency: float | None = None) -> Loop:
