@@ -8,11 +8,23 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.mre.shear_samples import is_signal, pads_of
 
 # Plausible shear moduli of elastomers, Pa.
 MODULUS_RANGE = (0.05e6, 10e6)
 # Share of the work of a block-shaped loop below which a sign of the work says nothing.
 LEAST_WORK = 0.02
+
+
+def _sizes(recording: Recording) -> list[QualityFinding]:
+    """Say which sizes of the pads cannot be."""
+    found = []
+    for name, unit in (("pad_diameter", " m"), ("pad_height", " m"), ("n_pads", "")):
+        value = recording.conditions.get(name)
+        if isinstance(value, float | int) and not value > 0:
+            text = f"{name} is {value:g}{unit}, which no pad has; moduli are left out. Mend it where it is given."
+            found.append(QualityFinding("warning", text))
+    return found
 
 
 def check(recording: Recording) -> Sequence[QualityFinding]:
@@ -26,9 +38,9 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
     x, F = recording.values("displacement"), recording.values("force")
     valid = np.isfinite(x) & np.isfinite(F)
     x, F = x[valid] - x[valid].mean() if valid.any() else x[valid], F[valid]
-    if x.size < 20 or np.ptp(x) == 0 or np.ptp(F) == 0:
-        return ()
-    found: list[QualityFinding] = []
+    found = _sizes(recording)
+    if x.size < 20 or not (is_signal(x) and is_signal(F)):
+        return found
     F = F - F.mean()
     slope = float(x @ F / (x @ x))
     correlation = float(x @ F / math.sqrt((x @ x) * (F @ F)))
@@ -52,10 +64,9 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
                     "force rises with displacement: the two channels may be swapped, or the force leads by a wrong clock.",
                 )
             )
-    diameter, height = recording.conditions.get("pad_diameter"), recording.conditions.get("pad_height")
-    if isinstance(diameter, float) and isinstance(height, float) and slope > 0:
-        pads = float(recording.conditions.get("n_pads", 2.0) or 2.0)
-        modulus = slope * height / (pads * math.pi * diameter**2 / 4)
+    pads = pads_of(recording)
+    if pads is not None and slope > 0:
+        modulus = slope * pads.modulus_per_stiffness
         if not MODULUS_RANGE[0] <= modulus <= MODULUS_RANGE[1]:
             factor = 1000 if modulus < MODULUS_RANGE[0] else 0.001
             found.append(

@@ -46,7 +46,7 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
     condemned = not runs.usable
     if condemned:
         if not runs.faulty:
-            raise InputError(_nothing_usable(runs, context))
+            raise InputError(_nothing_usable(runs, recordings, context))
         runs.loops = runs.faulty
     options = _options(settings, recordings)
     doubts = say_faults(runs, recordings)
@@ -94,13 +94,15 @@ def _undecided(dynamic: Identification) -> list[str]:
     ]
 
 
-def _nothing_usable(runs: SortedRuns, context: Context) -> str:
+def _nothing_usable(runs: SortedRuns, recordings: Sequence[Recording], context: Context) -> str:
     """Say why no run can be used: the first reason, and how many others there are."""
     if not runs.left_out:
         return f"campaign '{context.campaign}': there is no run."
     (first, reason), *others = runs.left_out.items()
     named = f" The same or another reason holds for {len(others)} more: {listing(run for run, _ in others)}."
-    return f"campaign '{context.campaign}': no run can be used. Run '{first}': {reason}.{named if others else ''}"
+    files = [source.path for r in recordings if r.run == first for source in r.provenance.files]
+    place = f"run '{first}' ({listing(files)})" if files else f"run '{first}'"
+    return f"campaign '{context.campaign}': no run can be used; {place}: {reason}.{named if others else ''}"
 
 
 def _options(settings: ShearSettings, recordings: Sequence[Recording]) -> FitOptions:

@@ -15,7 +15,7 @@ from pipeline.errors import InputError, listing
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.loop import Loop, Pads, curve, fit_loop, loop_metrics
 from pipeline.rigs.mre.shear import ShearSettings
-from pipeline.rigs.mre.shear_samples import Series, UnfitError, clipping, samples_of
+from pipeline.rigs.mre.shear_samples import Series, UnfitError, clipping, number_of, pads_of, samples_of
 from pipeline.signals.periodicity import Excitation, classify
 
 # Measured against set current: what counts as another level.
@@ -156,11 +156,11 @@ def _usable(recording: Recording, series: Series, runs: SortedRuns) -> UsableRun
         series=series,
         excitation=classify(series.time, series.x),
         current=_current(recording, runs),
-        preload=_number(recording, "preload"),
-        pads=_pads(recording),
-        sequence=_number(recording, "sequence_index"),
+        preload=number_of(recording, "preload"),
+        pads=pads_of(recording),
+        sequence=number_of(recording, "sequence_index"),
         test=str(recording.conditions.get("test", "")),
-        label_frequency=_number(recording, "frequency"),
+        label_frequency=number_of(recording, "frequency"),
     )
 
 
@@ -343,7 +343,7 @@ def _say_shape(loop: Loop, excitation: Excitation, runs: SortedRuns) -> None:
 
 def _current(recording: Recording, runs: SortedRuns) -> float | None:
     """Return the coil current (A): the measured one where there is a channel, else the label."""
-    label = _number(recording, "coil_current")
+    label = number_of(recording, "coil_current")
     if "current" not in recording:
         return label
     values = recording.values("current")
@@ -364,16 +364,3 @@ def _current(recording: Recording, runs: SortedRuns) -> float | None:
 def apart(measured: float, label: float, noise: float = 0.01) -> bool:
     """Tell whether a measured current (A) is another one than its label says."""
     return abs(measured - label) > max(_CURRENT_APART, 0.05 * abs(label), 3 * noise)
-
-
-def _number(recording: Recording, name: str) -> float | None:
-    value = recording.conditions.get(name)
-    return float(value) if isinstance(value, float | int) and not isinstance(value, bool) else None
-
-
-def _pads(recording: Recording) -> Pads | None:
-    diameter, height = _number(recording, "pad_diameter"), _number(recording, "pad_height")
-    if diameter is None or height is None or not (diameter > 0 and height > 0):
-        return None
-    count = _number(recording, "n_pads")
-    return Pads(diameter, height, 2.0 if count is None or not count > 0 else count)

@@ -12,12 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.mre.loop import Pads
 
 _FEWEST = 20  # samples of both channels
 _STUCK_SHARE, _STUCK_SAMPLES = 0.1, 50
 # Of a rounded top the highest step of the converter holds at most three times as many samples as the mean of
 # the next three below it: clipping is more than that, and more than these.
 _FLAT_SHARE, _FLAT_SAMPLES, _FLAT_CROWDED = 0.02, 6, 6.0
+# What moves less or reaches more than this (m, N) is no signal of any sensor.
+_LEAST, _LARGEST = 1e-15, 1e12
 # A spike is at most this many samples long, this many sigma and this share of the range high.
 _SPIKE_SAMPLES, _SPIKE_SIGMA, _SPIKE_SHARE = 2, 10.0, 0.1
 
@@ -80,6 +83,9 @@ def samples_of(recording: Recording, say: Callable[[QualityFinding], None]) -> S
     for name, values in (("displacement", series.x), ("force", series.F)):
         if np.ptp(values) == 0:
             raise UnfitError(f"the channel {name} is dead: every sample is {values[0]:.6g}", name)
+        if not is_signal(values):
+            size = float(np.abs(values).max())
+            raise UnfitError(f"the {name} reaches {size:.3g} in SI units, which no sensor gives: check its unit", name)
     stuck = _longest(np.diff(series.F) == 0) + 1
     if stuck > max(_STUCK_SHARE * series.F.size, _STUCK_SAMPLES):
         raise UnfitError(f"the force is stuck for {100 * stuck / series.F.size:.0f} % of the record", "force")
@@ -130,3 +136,23 @@ def _spikes(values: np.ndarray) -> np.ndarray:
     # A turning point between few samples, or a steep step, stands off on more of them.
     longest = _longest(wild)
     return np.asarray(wild) if 0 < longest <= _SPIKE_SAMPLES and wild.mean() < 0.01 else np.zeros(values.size, bool)
+
+
+def is_signal(values: np.ndarray) -> bool:
+    """Tell whether values move within what any sensor of displacement or force can give, in SI."""
+    return bool(values.size) and bool(np.ptp(values) > _LEAST and np.abs(values).max() < _LARGEST)
+
+
+def number_of(recording: Recording, name: str) -> float | None:
+    """Return a condition that is a number, else None."""
+    value = recording.conditions.get(name)
+    return float(value) if isinstance(value, float | int) and not isinstance(value, bool) else None
+
+
+def pads_of(recording: Recording) -> Pads | None:
+    """Return the geometry of the pads, None where it is not given or cannot be."""
+    diameter, height, count = (number_of(recording, name) for name in ("pad_diameter", "pad_height", "n_pads"))
+    count = 2.0 if count is None else count
+    if diameter is None or height is None or not min(diameter, height, count) > 0:
+        return None
+    return Pads(diameter, height, count)
