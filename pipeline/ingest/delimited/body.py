@@ -13,10 +13,10 @@ from itertools import pairwise
 from pipeline.errors import InputError
 from pipeline.ingest.delimited import header
 from pipeline.ingest.delimited.cells import is_missing, is_number
+from pipeline.ingest.delimited.delimiter import is_value
 from pipeline.ingest.delimited.dialect import BLANKS, Dialect
 from pipeline.ingest.delimited.head import Line
 from pipeline.ingest.delimited.preamble import entries
-from pipeline.ingest.delimited.stamps import looks_like_stamp
 
 Row = list[str]
 _ROWS_ABOVE = 5
@@ -47,7 +47,7 @@ def find_body(lines: Sequence[Line], dialect: Dialect, width: int, where: str) -
     Raises
     ------
     InputError
-        If there is no row of numbers, or the row above the numbers has another number of names than the numbers have columns.
+        If there is no row of numbers, or the row above them has another number of names than they have columns.
     """
     rows = [None if not line.text.strip() or dialect.comment(line.text) is not None else dialect.split(line.text)
             for line in lines]  # fmt: skip
@@ -73,11 +73,6 @@ def find_body(lines: Sequence[Line], dialect: Dialect, width: int, where: str) -
         tuple(units[1]) if units else None,
         units[0] if units else None,
     )
-
-
-def is_value(cell: str) -> bool:
-    """Tell whether a cell is a number or a time stamp."""
-    return is_number(cell) or looks_like_stamp(cell)
 
 
 def _measured_columns(rows: Sequence[Row | None], width: int) -> list[int]:

@@ -113,7 +113,7 @@ def _stamp_of(column: Column, columns: Sequence[Column], rows: Sequence[Row]) ->
     texts = [row[column.index] for row in rows if not is_missing(row[column.index])]
     sample = texts[:: max(1, len(texts) // _FORMAT_SAMPLE)]
     if column.kind == "number":
-        count = count_format(column.name, column.unit, sample)
+        count = count_format(column.name, column.unit, texts[:_FORMAT_SAMPLE])
         return Stamp(column.index, count, None, count.instant(texts[0]), True) if count else None
     if column.kind != "text" or (form := stamp_format(sample)) is None:
         return None

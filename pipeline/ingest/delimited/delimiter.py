@@ -21,6 +21,11 @@ _SAMPLE_LINES, _FEW_LINES, _MOST_JUDGED = 200, 8, 2000
 _CLEARLY, _HALF, _MOSTLY = 1.2, 0.5, 0.8
 
 
+def is_value(cell: str) -> bool:
+    """Tell whether a trimmed cell is a number or a time stamp."""
+    return is_number(cell) or looks_like_stamp(cell)
+
+
 @dataclass(frozen=True)
 class Fit:
     """How well a delimiter explains the sampled lines: the width of its rows, and their share of all lines."""
@@ -41,7 +46,7 @@ def detect(lines: Sequence[str], where: str) -> Fit:
     """
     arrow = sum(bool(_STAMPED_LINE.match(line)) for line in lines) > len(lines) / 2
     parted = [line.split(ARROW, 1)[-1] for line in lines] if arrow else lines
-    best = _best(parted, _is_value)
+    best = _best(parted, is_value)
     if best.score < _MOSTLY and (labelled := _labelled(parted)).score > best.score:
         best = labelled
     if not _holds_rows(best):
@@ -64,24 +69,24 @@ def _holds_rows(fit: Fit) -> bool:
     return fit.rows > 1 or fit.score >= _HALF
 
 
-def _best(lines: Sequence[str], is_value: Callable[[str], bool]) -> Fit:
+def _best(lines: Sequence[str], counts: Callable[[str], bool]) -> Fit:
     told = _told(lines)
     sample = list(_sample(lines))
     best = Fit(Dialect(ONE_COLUMN), 0, 0, 0.0)
     for delimiter in (told,) if told is not None else _DELIMITERS:
-        fit = _fit(Dialect(delimiter), sample, is_value)
+        fit = _fit(Dialect(delimiter), sample, counts)
         # Blanks also stand within cells and part preambles: they must explain clearly more than another delimiter.
         if fit.width > 1 and fit.score > best.score * (_CLEARLY if delimiter == BLANKS else 1.0):
             best = fit
-    one = _fit(Dialect(ONE_COLUMN), sample, is_value)
+    one = _fit(Dialect(ONE_COLUMN), sample, counts)
     return one if _is_one_column(one, best, lines) else best
 
 
 def _labelled(lines: Sequence[str]) -> Fit:
     """Return the best fit where numbers may have labels and units around them."""
-    fit = _best(lines, lambda cell: _is_value(cell) or is_labelled_number(cell))
+    fit = _best(lines, lambda cell: is_value(cell) or is_labelled_number(cell))
     rows = [row for line in _sample(lines) if len(row := fit.dialect.split(line)) == fit.width]
-    return _fit(replace(fit.dialect, around=around_numbers(rows)), list(_sample(lines)), _is_value)
+    return _fit(replace(fit.dialect, around=around_numbers(rows)), list(_sample(lines)), is_value)
 
 
 def _told(lines: Sequence[str]) -> str | None:
@@ -101,7 +106,7 @@ def _sample(lines: Sequence[str]) -> Iterator[str]:
     yield from filled[len(filled) % step :: step]
 
 
-def _fit(dialect: Dialect, sample: Sequence[str], is_value: Callable[[str], bool]) -> Fit:
+def _fit(dialect: Dialect, sample: Sequence[str], counts: Callable[[str], bool]) -> Fit:
     rows: Counter[int] = Counter()
     shares: dict[int, float] = {}
     lines = 0
@@ -110,7 +115,7 @@ def _fit(dialect: Dialect, sample: Sequence[str], is_value: Callable[[str], bool
             continue
         lines += 1
         cells = dialect.split(line)
-        if share := _share_of_numbers(cells[:_MOST_JUDGED], is_value):
+        if share := _share_of_numbers(cells[:_MOST_JUDGED], counts):
             rows[len(cells)] += 1
             shares[len(cells)] = shares.get(len(cells), 0.0) + share
     if not rows:
@@ -119,10 +124,10 @@ def _fit(dialect: Dialect, sample: Sequence[str], is_value: Callable[[str], bool
     return Fit(dialect, width, rows[width], shares[width] / lines)
 
 
-def _share_of_numbers(cells: Sequence[str], is_value: Callable[[str], bool]) -> float:
+def _share_of_numbers(cells: Sequence[str], counts: Callable[[str], bool]) -> float:
     """Return which part of the filled cells are numbers or time stamps; text counts as what it may be parted into."""
     filled = [cell for cell in cells if not is_missing(cell)]
-    texts = [cell for cell in filled if not is_value(cell)]
+    texts = [cell for cell in filled if not counts(cell)]
     hidden = sum(text.count(delimiter) for text in texts for delimiter in _HIDDEN)
     return (len(filled) - len(texts)) / (len(filled) + hidden) if filled else 0.0
 
@@ -131,10 +136,6 @@ def _is_one_column(one: Fit, best: Fit, lines: Sequence[str]) -> bool:
     """Tell whether the lines hold one number each; ``1,25`` does where the header has one name only."""
     if best.dialect.delimiter == "," and best.width == 2 and best.score > _HALF * one.score:
         head = [line for line in lines[:_SAMPLE_LINES] if line.strip() and best.dialect.comment(line) is None]
-        names = [cells for line in head if not _share_of_numbers(cells := best.dialect.split(line), _is_value)]
+        names = [cells for line in head if not _share_of_numbers(cells := best.dialect.split(line), is_value)]
         return one.score > best.score * 0.99 and bool(names) and len(names[-1]) == 1
     return one.score > best.score * _CLEARLY
-
-
-def _is_value(cell: str) -> bool:
-    return is_number(cell) or looks_like_stamp(cell)

@@ -36,7 +36,10 @@ def _pairs(line: str, dialect: Dialect) -> list[tuple[str, str]]:
         return (
             _several(text) or _from_text(text) or (_from_cells(cells) if len(cells) > 1 and is_number(cells[1]) else [])
         )
-    cells = [cell for cell in dialect.split(line) if cell]
+    cells = dialect.split(line)
+    if not cells or not cells[0]:
+        return []
+    cells = [cell for cell in cells if cell]
     if dialect.delimiter == BLANKS and not (len(cells) in (2, 3) and is_number(cells[1])):
         return _from_text(line)
     if cells and _PAIR.fullmatch(cells[0]) and not cells[0].endswith((":", "=")):

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.ingest.delimited.body import is_value
 from pipeline.ingest.delimited.cells import is_missing
 from pipeline.ingest.delimited.chunks import Chunk
 from pipeline.ingest.delimited.columns import Column, stamp_text
+from pipeline.ingest.delimited.delimiter import is_value
 from pipeline.ingest.delimited.layout import Layout, decimals_of
 from pipeline.ingest.delimited.oddities import LONGEST_QUOTE, Oddities
 from pipeline.ingest.delimited.stamps import NOT_A_TIME
@@ -43,10 +43,10 @@ def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed:
     rows, lines = _rows(chunk, layout, odd)
     if chunk.has_zeros:
         odd.add("zeros", chunk.first_line)
-    numbers, instants, texts, bad = _columns(rows, layout, wanted)
-    if chunk.is_cut and rows and (any(bad.values()) or chunk.data.count(b'"') % 2 or _ends_early(rows[-1], layout)):
+    if chunk.is_cut and rows and _is_broken_off(rows[-1], chunk, layout):
         odd.add("cut", chunk.first_line, f"'{chunk.data.decode(errors='replace').strip()[:LONGEST_QUOTE]}'")
-        return parse_nothing(layout, wanted, odd)
+        rows, lines = [], []
+    numbers, instants, texts, bad = _columns(rows, layout, wanted)
     for column in wanted:
         for index in bad.get(column.index, ()):
             _refuse_second_header(rows[index], lines[index], layout)
@@ -56,12 +56,6 @@ def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed:
             if row[column.index]:
                 odd.add("occupied", line, row[column.index][:LONGEST_QUOTE], column.index)
     return Parsed(len(rows), numbers, instants, texts, odd)
-
-
-def parse_nothing(layout: Layout, wanted: Sequence[Column], odd: Oddities) -> Parsed:
-    """Return the columns of no rows."""
-    numbers, instants, texts, _ = _columns([], layout, wanted)
-    return Parsed(0, numbers, instants, texts, odd)
 
 
 def _rows(chunk: Chunk, layout: Layout, odd: Oddities) -> tuple[list[list[str]], list[int]]:
@@ -133,12 +127,16 @@ def _columns(rows: Sequence[list[str]], layout: Layout, wanted: Sequence[Column]
     return numbers, instants, texts, bad
 
 
-def _ends_early(row: Sequence[str], layout: Layout) -> bool:
-    """Tell whether a last line without end lost some of its decimals."""
-    if layout.last_decimals is None:
-        return False
+def _is_broken_off(row: list[str], chunk: Chunk, layout: Layout) -> bool:
+    """Tell whether a last line without end lost part of its last cell: a quote, an exponent, some of its decimals.
+
+    All columns are asked, so that a row counts or not whichever channels are wanted.
+    """
+    _, _, _, bad = _columns([row], layout, layout.columns)
+    if any(bad.values()) or chunk.data.count(b'"') % 2:
+        return True
     last = next((cell for cell in reversed(row) if cell), "")
-    return decimals_of(last, layout.notation.decimal) < layout.last_decimals
+    return layout.last_decimals is not None and decimals_of(last, layout.notation.decimal) < layout.last_decimals
 
 
 def _refuse_second_header(row: Sequence[str], line: int, layout: Layout) -> None:

@@ -19,6 +19,7 @@ _EPOCH = date(1970, 1, 1).toordinal()
 _SECOND = 1_000_000_000
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _MOST_KNOWN = 100_000
+_LONGEST_STEP = 600 * _SECOND
 
 _TIME = r"(?P<h>[0-9]{1,3}):(?P<mi>[0-9]{2}):(?P<s>[0-9]{2})(?:[.,:](?P<f>[0-9]+))?"
 _TO_THE_MINUTE = r"(?P<h>[0-9]{1,2}):(?P<mi>[0-9]{2})"
@@ -204,7 +205,9 @@ def count_format(name: str, unit: str | None, texts: Sequence[str]) -> StampForm
             continue
         instants = [count.instant(text) for text in texts]
         in_window = all(946_684_800 <= instant // _SECOND < 3_000_000_000 for instant in instants)
-        if in_window and instants == sorted(instants):
+        # Microseconds since the start can be as large as seconds since 1970, but then the steps are not those of a rig.
+        is_sampled = instants[-1] - instants[0] <= _LONGEST_STEP * len(instants)
+        if in_window and is_sampled and instants == sorted(instants):
             return count
     return None
 

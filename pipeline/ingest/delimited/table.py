@@ -15,6 +15,7 @@ from pipeline.ingest.delimited.chunks import CHUNK_BYTES, Chunk, chunks
 from pipeline.ingest.delimited.columns import Column
 from pipeline.ingest.delimited.layout import Layout
 from pipeline.ingest.delimited.oddities import Oddities, findings, refuse_ragged
+from pipeline.ingest.delimited.regular import RegularClock
 from pipeline.ingest.delimited.rows import Parsed
 from pipeline.ingest.delimited.stamps import Clock, iso
 from pipeline.ingest.reader import RawChannel, RawTable
@@ -51,13 +52,15 @@ class DelimitedTable(RawTable):
         self._oddities, self._rows = odd, 0
         wanted = self._columns(names)
         clock = Clock(layout.stamp.start, layout.stamp.format.period) if layout.stamp else None
+        done = 0
         for parsed in parsed_chunks(layout, wanted):
             odd.merge(parsed.oddities)
-            refuse_ragged(odd, self._rows + parsed.rows, layout.path, so_far=True)
+            refuse_ragged(odd, done + parsed.rows, layout.path, so_far=True)
             if parsed.rows:
-                yield {column.name: self._values(parsed, column, clock) for column in wanted}
-            self._rows += parsed.rows
-        refuse_ragged(odd, self._rows, layout.path)
+                yield {column.name: _values(parsed, column, clock, layout.regular, done) for column in wanted}
+            done += parsed.rows
+            self._rows = done
+        refuse_ragged(odd, done, layout.path)
 
     def notes(self) -> Sequence[QualityFinding]:
         """Return what was odd about the rows of the last reading."""
@@ -72,14 +75,16 @@ class DelimitedTable(RawTable):
                 raise InputError(f"{self._layout.path}: has no channel '{name}'; it has {listing(known)}.")
         return [known[name] for name in dict.fromkeys(names)]
 
-    def _values(self, parsed: Parsed, column: Column, clock: Clock | None) -> np.ndarray:
-        if column.kind == "stamp" and clock is not None:
-            return clock.seconds(parsed.instants[column.index])
-        if column.kind == "regular" and (regular := self._layout.regular):
-            return regular.start + regular.step * np.arange(self._rows, self._rows + parsed.rows)
-        if column.kind == "text":
-            return np.array(parsed.texts[column.index], dtype=object)
-        return parsed.numbers[column.index]
+
+def _values(parsed: Parsed, column: Column, clock: Clock | None, regular: RegularClock | None, done: int) -> np.ndarray:
+    """Return a channel's values in a chunk that `done` rows precede."""
+    if column.kind == "stamp" and clock is not None:
+        return clock.seconds(parsed.instants[column.index])
+    if column.kind == "regular" and regular is not None:
+        return regular.start + regular.step * np.arange(done, done + parsed.rows)
+    if column.kind == "text":
+        return np.array(parsed.texts[column.index], dtype=object)
+    return parsed.numbers[column.index]
 
 
 def parsed_chunks(
