@@ -120,6 +120,15 @@ def test_stamps_are_exact_to_the_nanosecond() -> None:
     np.testing.assert_array_equal(seconds, np.arange(30_000) * 137 / 1e6)
 
 
+@pytest.mark.parametrize("tail", ["", "Z", "+01:00", " PM"])
+def test_many_stamps_are_read_as_one_by_one(tail: str) -> None:
+    texts = [f"2024-03-01 0{k % 5}:{k % 60:02d}:{k % 7:02d}.{k * 7919 % 10**6:06d}{tail}" for k in range(500)]
+    texts[100:103] = ["", "2024-03-01 01:00:00.5.5", "2024-13-01 01:00:00.25" + tail]
+    found = stamp_format(texts[:50])
+    assert found is not None
+    assert found.instants(texts).tolist() == [found.instant(text) for text in texts]
+
+
 def test_the_order_of_day_and_month_that_keeps_stamps_together_wins() -> None:
     days = [f"01/{day:02d}/2024 12:00:00" for day in (2, 3, 4)]
     found = stamp_format(days)

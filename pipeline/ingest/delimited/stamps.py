@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -88,18 +88,20 @@ class StampFormat:
         if len(known) > _MOST_KNOWN:
             known.clear()
         for index, text in enumerate(texts):
-            whole, _, digits = text.rpartition("." if "," not in text else ",")
-            if self.scale or not (digits.isdigit() and digits.isascii()):
+            whole, _, rest = text.rpartition("." if "," not in text else ",")
+            if self.scale or ":" not in whole:
                 result[index] = self.instant(text)
                 continue
-            start = known.get(whole)
+            tail = rest.lstrip("0123456789")  # a zone, or the half of the day
+            fraction = _fraction(rest[: len(rest) - len(tail)])
+            start = known.get(whole + tail)
             if start is None:
                 instant = self.instant(text)
-                if instant == NOT_A_TIME or ":" not in whole:
+                if instant == NOT_A_TIME:
                     result[index] = instant
                     continue
-                start = known[whole] = instant - _fraction(digits)
-            result[index] = start + _fraction(digits)
+                start = known[whole + tail] = instant - fraction
+            result[index] = start + fraction
         return result
 
 
@@ -107,7 +109,7 @@ def _fraction(digits: str | None) -> int:
     return int((digits + "000000000")[:9]) if digits else 0
 
 
-@cache
+@lru_cache(maxsize=4096)
 def _days(year: str, month: str, day: str) -> int | None:
     """Return days since 1970, None for a day that does not exist."""
     number = int(year) + (2000 if len(year) == 2 else 0)
