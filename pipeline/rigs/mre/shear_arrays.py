@@ -14,7 +14,7 @@ from pipeline.rigs.mre.loop import Loop, curve, drift_degree
 from pipeline.rigs.mre.preload import PreloadTable
 from pipeline.rigs.mre.shear_parameters import run_metrics
 from pipeline.rigs.mre.shear_residuals import agreement, field_laws, residual_checks
-from pipeline.rigs.mre.shear_runs import SortedRuns
+from pipeline.rigs.mre.shear_sorted import SortedRuns
 from pipeline.rigs.mre.time_fit import TimeFit
 
 _POINTS, _SAMPLES, _SERIES = 256, 600, 3000

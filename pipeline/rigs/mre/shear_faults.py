@@ -14,7 +14,8 @@ from pipeline.rigs.mre.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.harmonic_fit import FitOptions, identify_loops
 from pipeline.rigs.mre.loop import N_F, Loop, curve, half_range
 from pipeline.rigs.mre.shear_check import MODULUS_RANGE
-from pipeline.rigs.mre.shear_runs import SortedRuns, apart
+from pipeline.rigs.mre.shear_runs import apart
+from pipeline.rigs.mre.shear_sorted import SortedRuns
 
 LAG_SAID = 50e-6  # s
 _REMANENCE = 5e-3  # T

@@ -22,7 +22,8 @@ from pipeline.rigs.mre.shear_faults import mains_instead, say_faults, say_faults
 from pipeline.rigs.mre.shear_odd import set_odd_runs_aside
 from pipeline.rigs.mre.shear_parameters import VARIANT_TEXTS, Labels, loop_parameters, models_of, parameters_of
 from pipeline.rigs.mre.shear_published import published
-from pipeline.rigs.mre.shear_runs import SortedRuns, UsableRun, sort_runs
+from pipeline.rigs.mre.shear_runs import sort_runs
+from pipeline.rigs.mre.shear_sorted import SortedRuns, UsableRun
 from pipeline.rigs.mre.shear_verdict import judge
 from pipeline.rigs.mre.time_columns import Record
 from pipeline.rigs.mre.time_fit import TimeFit, fit_records

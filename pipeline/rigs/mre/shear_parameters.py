@@ -18,7 +18,7 @@ from pipeline.rigs.mre.leave_one_out import LeaveOneOut
 from pipeline.rigs.mre.loop import half_cycle_metrics, loop_metrics
 from pipeline.rigs.mre.preload import PreloadTable
 from pipeline.rigs.mre.shear import PARAMETERS
-from pipeline.rigs.mre.shear_runs import SortedRuns, UsableRun
+from pipeline.rigs.mre.shear_sorted import SortedRuns, UsableRun
 from pipeline.rigs.mre.time_fit import TimeFit
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from pipeline.findings import Published
 from pipeline.rigs.mre.preload import PreloadState, PreloadTable
-from pipeline.rigs.mre.shear_runs import SortedRuns
+from pipeline.rigs.mre.shear_sorted import SortedRuns
 
 # Secant stiffness by preload (N) and current (A), N/m: Fig. 17 of Brancati 2019, F_max 200 N, 2 Hz.
 STIFFNESS = {(200.0, 0.0): 330e3, (700.0, 0.0): 500e3, (200.0, 6.0): 600e3, (700.0, 6.0): 700e3}

@@ -14,7 +14,7 @@ from pipeline.rigs.mre.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.loop import loop_metrics
 from pipeline.rigs.mre.loop_noise import effective_sd
 from pipeline.rigs.mre.shear_parameters import run_metrics
-from pipeline.rigs.mre.shear_runs import SortedRuns
+from pipeline.rigs.mre.shear_sorted import SortedRuns
 from pipeline.rigs.mre.time_fit import TimeFit
 
 METRICS = ("stiffness_secant", "stiffness_storage", "damping", "loss_factor")

@@ -18,7 +18,7 @@ from pipeline.errors import listing
 from pipeline.findings import Verdict
 from pipeline.rigs.mre.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.loop import group_levels
-from pipeline.rigs.mre.shear_runs import SortedRuns
+from pipeline.rigs.mre.shear_sorted import SortedRuns
 from pipeline.rigs.mre.time_fit import TimeFit
 
 _RUNS_TOLD = 4  # left out; beyond it only the first is told with its reason
