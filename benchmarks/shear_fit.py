@@ -37,6 +37,10 @@ def measure(every: int = 1) -> list[dict[str, Any]]:
     samples = sum(recording.values("force").size for recording in recordings)
     worst = max(abs(values[name] / their_values[name] - 1) for name in values)
     print(agreement(values, their_values))
+    ours_by_theirs, best_of_theirs = (misfit(recordings, found, every) for found in (values, their_values))
+    print(
+        f"rms residual of the solver's model: {ours_by_theirs:.6f} N at our optimum, {best_of_theirs:.6f} N at theirs"
+    )
     return [
         {
             "what": f"global fit, 12 runs, {samples} samples, 13 parameters, worst disagreement {100 * worst:.2g} %",
@@ -55,6 +59,12 @@ def agreement(values: dict[str, float], their_values: dict[str, float]) -> str:
     for name, value in values.items():
         rows.append(f"{name:10}{value:12.6g}{their_values[name]:12.6g}{100 * (their_values[name] / value - 1):10.3f} %")
     return "\n".join(rows)
+
+
+def misfit(recordings: list[Recording], values: dict[str, float], every: int) -> float:
+    """Return the rms residual (N) of the reference's own model at given parameters."""
+    residual = np.concatenate([_their_residual(_prepared(recording, every), values) for recording in recordings])
+    return float(np.sqrt(np.mean(residual**2)))
 
 
 def _timed(function: Any, *arguments: Any) -> tuple[float, dict[str, float]]:
