@@ -111,6 +111,10 @@ class Conversion:
         return self.factor == 1.0 and self.offset == 0.0
 
 
+_LONGEST = 60
+_TOWER = re.compile(r"\d\s*(\^|\*\*)|(\^|\*\*)\s*[-+(]*\d{2}")
+
+
 @cache
 def _registry() -> pint.UnitRegistry[float]:
     import pint
@@ -135,8 +139,11 @@ def _spelt_for_pint(text: str) -> str:
 @cache
 def _parse(text: str) -> tuple[float, float, dict[str, float], bool]:
     """Return factor and offset to SI base units, the dimension, and whether it turns (has rad)."""
+    spelt = _spelt_for_pint(text)
+    if len(spelt) > _LONGEST or _TOWER.search(spelt):  # pint would compute 9**9**9
+        raise ValueError(f"'{spelt[:_LONGEST]}' is no unit")
     ureg = _registry()
-    unit = ureg.parse_units(_spelt_for_pint(text))
+    unit = ureg.parse_units(spelt)
     one, zero = (ureg.Quantity(value, unit).to_base_units() for value in (1.0, 0.0))
     base = {str(name): float(power) for name, power in one.units._units.items()}  # type: ignore[arg-type]
     turns = base.pop("radian", 0) != 0
@@ -179,6 +186,8 @@ def conversion(unit: str, si_unit: str | None = None, where: str = "unit") -> Co
     >>> round(conversion("rpm", "Hz")(60.0), 12)
     1.0
     """
+    if si_unit == "K":  # where a temperature is wanted, C is not the coulomb nor F the farad
+        unit = {"C": "degC", "F": "degF"}.get(unit.strip().strip("[]()"), unit)
     factor, offset, base, turns = _understood(unit, where)
     if si_unit is None:
         return Conversion(factor, offset, _si_name(base, turns))
