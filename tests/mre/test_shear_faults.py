@@ -431,6 +431,16 @@ def test_one_run_gives_its_loop_and_what_one_loop_determines(campaign: list[Reco
     assert findings.one("k1").description
 
 
+def test_a_single_cycle_gives_its_metrics_and_no_model() -> None:
+    truth = {"duration": 0.25, "preload_runs": False, "currents": [0.0], "frequencies": [5.0]}
+    findings = identify(SHEAR.synthesize(truth, 1))
+    assert findings.verdict == "warning"
+    assert any("dynamic model was not fitted" in reason for reason in findings.reasons)
+    assert said(findings, "less than two cycles")
+    assert findings.find("stiffness_secant")
+    assert not findings.find("k1")
+
+
 def test_one_frequency_does_not_separate_k1_from_k2_and_the_advice_says_what_would() -> None:
     findings = identify(
         SHEAR.synthesize({"duration": 1.5, "preload_runs": False, "frequencies": [10.0], "currents": [0.0, 6.0]}, 2)

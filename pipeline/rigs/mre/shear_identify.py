@@ -33,6 +33,7 @@ from pipeline.rigs.mre.variants import DECISIVE, undecided
 # What a mass column must gain in BIC before an untared mass is believed.
 _MASS_GAIN = 10.0
 _FREQUENCY_RATIO = 1.2
+_LEAST_CYCLES = 1.95
 
 
 def identify(recordings: Sequence[Recording], settings: ShearSettings, context: Context) -> Findings:
@@ -128,7 +129,9 @@ def _dynamic(
     if not loops:
         return None, []
     main, others = split_by_preload(loops)
-    main = _known_currents(main, runs)
+    main = _settled_loops(_known_currents(main, runs), runs)
+    if not main:
+        return None, others
     try:
         found = identify_loops(main, options)
     except ValueError as error:
@@ -186,6 +189,19 @@ def _with_mass(
 
 def _bic(found: Identification) -> float:
     return next(v.bic for v in found.variants if v.variant == found.selected.variant)
+
+
+def _settled_loops(loops: list[Loop], runs: SortedRuns) -> list[Loop]:
+    """Leave out loops of so few cycles that the steady state cannot be seen."""
+    short = [loop.run for loop in loops if loop.duration * loop.frequency < _LEAST_CYCLES]
+    if short:
+        runs.say(
+            "warning",
+            None,
+            f"less than two cycles in {listing(short, 6)}: whether the loop has settled cannot be seen, so that the model is "
+            "not fitted to them. Log more cycles.",
+        )
+    return [loop for loop in loops if loop.run not in short]
 
 
 def _known_currents(loops: list[Loop], runs: SortedRuns) -> list[Loop]:

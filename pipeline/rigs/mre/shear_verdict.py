@@ -57,6 +57,8 @@ def judge(
         )
     if fit is not None:
         _loops(said, fit)
+    elif runs.loops and not condemned:
+        said.warn("Loop metrics only: the dynamic model was not fitted, see the quality findings.")
     for time_fit in times:
         _prediction(said, time_fit)
     if not runs.loops and not runs.records:
