@@ -112,7 +112,7 @@ def theirs(recordings: list[Recording], every: int) -> dict[str, float]:
     """Fit by lmfit; the residual integrates eqs (10)-(12) with `solve_ivp` over every run.
 
     The displacement is the same five-harmonic fit that ours uses (raw, noise ratchets w), the start is
-    ours as well. A cycle before the log lets the loop memory fade.
+    ours as well. A stretch before the log lets the start fade.
     """
     import lmfit
 
@@ -139,8 +139,9 @@ def _prepared(recording: Recording, every: int) -> _Run:
     t, x = recording.signal("displacement")
     frequency = fundamental(t, x, recording.condition("frequency")).value
     fit = fit_harmonics(t, x, frequency, range(1, 6))
-    cycles = 2 if recording.condition("amplitude") < 3e-4 else 1
-    before = np.arange(-round(cycles / frequency * recording.streams["shear"].rate), 0) / 5000.0
+    # Ten time constants of the Maxwell branch, and two cycles where the loop memory is long.
+    lead = max(0.2, 2 / frequency if recording.condition("amplitude") < 3e-4 else 0.0)
+    before = np.arange(-round(lead * 5000), 0) / 5000
     time_ = np.r_[before, t[::every]]
     turn = 2j * np.pi * frequency * np.arange(1, 6)
     velocity = ((turn * fit.coefficients) @ np.exp(np.outer(turn, time_))).real
