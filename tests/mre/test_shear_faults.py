@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 from pipeline.errors import InputError
 from pipeline.findings import Findings
@@ -176,6 +177,16 @@ def test_one_late_run_is_set_aside_with_its_lag(campaign: list[Recording]) -> No
     assert "later than theirs" in reason
     assert abs(float(reason.split(" us later")[0].split()[-1]) - 300) < 20
     assert_numbers_hold(findings)
+
+
+def test_a_slow_filter_on_one_channel_is_doubted(campaign: list[Recording]) -> None:
+    def filtered(t: np.ndarray, F: np.ndarray) -> np.ndarray:
+        first_order = butter(1, 300, fs=5000)
+        return np.asarray(lfilter(*first_order, F - F.mean()))
+
+    findings = identify(in_all(campaign, "force", filtered))
+    assert findings.verdict == "warning"
+    assert any("If it is that of a filter" in reason for reason in findings.reasons)
 
 
 # Gains, labels, load

@@ -47,8 +47,7 @@ def say_faults_of_fit(runs: SortedRuns, fit: DynamicFit) -> list[str]:
     """Add what a fit shows; return what casts doubt on the numbers. A rejected fit shows nothing."""
     if fit.rejected:
         return []
-    _lag(runs, fit)
-    return [doubt for doubt in (_mass(fit), _scatter(fit), _drift(runs, fit)) if doubt]
+    return [doubt for doubt in (_lag(runs, fit), _mass(fit), _scatter(fit), _drift(runs, fit)) if doubt]
 
 
 def mains_instead(fit: DynamicFit, loops: Sequence[Loop], options: FitOptions, mains: float, runs: SortedRuns) -> None:
@@ -74,16 +73,33 @@ def mains_instead(fit: DynamicFit, loops: Sequence[Loop], options: FitOptions, m
             )
 
 
-def _lag(runs: SortedRuns, fit: DynamicFit) -> None:
+def _lag(runs: SortedRuns, fit: DynamicFit) -> str:
+    """Say a lag, and doubt stiffness that it would bias if it came from a filter and not from a delay.
+
+    A first-order filter with the same delay also lowers the force, by (omega lag)^2 / 2.
+    """
     lag = fit.force_lag
-    if lag.value is not None and abs(lag.value) > LAG_SAID and fit.held_lag is None:
-        runs.say(
-            "warning",
-            None,
-            f"the force is {abs(lag.value) * 1e6:.0f} us {'late' if lag.value > 0 else 'early'} against the "
-            "displacement; the fit and the loops account for it. Calibrate it with a rigid link in place of the pads.",
-            "force",
-        )
+    if lag.value is None or abs(lag.value) <= LAG_SAID or fit.held_lag is not None:
+        return ""
+    late = "late" if lag.value > 0 else "early"
+    runs.say(
+        "warning",
+        None,
+        f"the force is {abs(lag.value) * 1e6:.0f} us {late} against the displacement; the fit and the loops account for "
+        "it. Calibrate it with a rigid link in place of the pads.",
+        "force",
+    )
+    k1 = next((e for e in fit.estimates if e.name == "k1" and e.std_error is not None), None)
+    quick = max(fit.loops, key=lambda loop: loop.frequency)
+    droop = 0.5 * (quick.omega * lag.value) ** 2
+    off = droop * abs(quick.F[0] / quick.X[0])
+    if k1 is None or off < 2 * (k1.std_error or 0.0):
+        return ""
+    return (
+        f"The lag of {abs(lag.value) * 1e6:.0f} us is taken for a delay. If it is that of a filter (conditioner, anti-alias), "
+        f"stiffness at {quick.frequency:.3g} Hz is off by {100 * droop:.2g} %, {off:.2g} N/m, which is more than the error of "
+        "k1: calibrate it with a rigid link and set 'force_lag'."
+    )
 
 
 def _modulus(runs: SortedRuns) -> str:
