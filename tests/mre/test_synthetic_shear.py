@@ -50,13 +50,13 @@ def test_noise_lag_and_gain_are_what_was_asked() -> None:
     difference = loud.values("force") - still.values("force")
     assert difference.std() == pytest.approx(1.0, rel=0.05)
     gains = []
-    for seed in range(20):
+    for seed in range(12):
         plain, scattered = (
             synthesize_shear({**quiet, "force_noise": 0.0, "gain_scatter": s}, seed)[0].values("force")
             for s in (0.0, 0.02)
         )
         gains.append(float(plain @ scattered / (plain @ plain)) - 1)
-    assert np.std(gains) == pytest.approx(0.02, rel=0.4)
+    assert np.std(gains) == pytest.approx(0.02, rel=0.5)
 
 
 def test_quantisation_and_dropouts() -> None:
