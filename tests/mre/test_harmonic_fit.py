@@ -61,7 +61,7 @@ def test_campaign_with_gain_scatter_is_recovered_from_its_logs(seed: int) -> Non
 @pytest.mark.parametrize("scatter", [0.0, 0.004])
 def test_intervals_hold_the_truth(scatter: float) -> None:
     held, count = 0, 0
-    for seed in range(16):
+    for seed in range(25):
         fit = identify_loops(noisy({"gain_scatter": scatter}, seed), replace(ONE_VARIANT, starts=1)).selected
         pairs = [(fit.one(name), row[0]) for name, row in EXPECTED.items()]
         pairs += [(fit.one("k_mr", current), values[0]) for current, values in FIELD.items()]
