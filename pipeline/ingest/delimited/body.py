@@ -30,7 +30,10 @@ _OTHER_DELIMITERS = ("\t", ";", ",", "|", BLANKS)
 
 @dataclass(frozen=True)
 class Body:
-    """The table: index of its first line, its rows in the head, and the cells and lines of names and units."""
+    """The table: index of its first line, its rows in the head, and the cells and lines of names and units.
+
+    `passed_over` are the indices of lines above it that hold numbers, or stand below the names, and are not read.
+    """
 
     start: int
     width: int
@@ -39,6 +42,7 @@ class Body:
     names_index: int | None
     units: tuple[str, ...] | None
     units_index: int | None
+    passed_over: tuple[int, ...] = ()
 
 
 def find_body(lines: Sequence[Line], dialect: Dialect, width: int, where: str) -> Body:
@@ -64,6 +68,13 @@ def find_body(lines: Sequence[Line], dialect: Dialect, width: int, where: str) -
     has_row_numbers = len(table) > 1 and is_counting([row[0] for row in table])
     above = _Above(lines[:start], rows[:start], dialect, width, filled, measured, has_row_numbers)
     names, units = above.names_and_units(where)
+    heading = [found[0] for found in (names, units) if found]
+    passed_over = tuple(
+        index
+        for index, row in enumerate(rows[:start])
+        if row is not None and index not in heading and not header.is_underline(row)
+        and ((heading and index > min(heading)) or (len(row) == width and _is_data(row, measured)))
+    )  # fmt: skip
     return Body(
         start,
         width,
@@ -72,6 +83,7 @@ def find_body(lines: Sequence[Line], dialect: Dialect, width: int, where: str) -
         names[0] if names else None,
         tuple(units[1]) if units else None,
         units[0] if units else None,
+        passed_over,
     )
 
 
@@ -112,15 +124,18 @@ def _start(rows: Sequence[Row | None], width: int, measured: Sequence[int]) -> i
     if not longest:
         return len(rows)
     start = next(table[0] for table in tables if len(table) >= max(1, min(3, longest), _SMALL_TABLE * longest))
-    while (
-        start and (row := rows[start - 1]) is not None and len(row) > 1 and len(row) != width and _is_mostly_values(row)
-    ):
-        start -= 1  # a row of numbers of another width: to be counted, not to be taken for a header
+    while start and (row := rows[start - 1]) is not None and len(row) > 1 and _is_damaged_row(row, width, measured):
+        start -= 1  # to be counted, not to be taken for a header
     return start
 
 
-def _is_mostly_values(row: Row) -> bool:
-    return sum(map(is_value, row)) > 0.5 * len(row)
+def _is_damaged_row(row: Row, width: int, measured: Sequence[int]) -> bool:
+    """Tell whether a line is a row of numbers of another width, or with a word among its numbers."""
+    if len(row) != width:
+        return sum(map(is_value, row)) > 0.5 * len(row)
+    values = [row[k] for k in measured if is_value(row[k])]
+    is_numbered = all(cell.isdigit() for cell in values) and is_counting(values)
+    return len(measured) > len(values) > 0.5 * len(measured) and not is_numbered
 
 
 def is_counting(cells: Sequence[str]) -> bool:

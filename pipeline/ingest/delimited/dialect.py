@@ -59,6 +59,8 @@ class Dialect:
         return cells
 
     def _parted(self, line: str) -> list[str]:
+        if '"' in line:
+            line = without_stray_quote(line)
         if self.has_arrow:
             line = line.replace(ARROW, self.delimiter, 1)
         if self.delimiter == ONE_COLUMN:
@@ -72,6 +74,30 @@ class Dialect:
         except (csv.Error, StopIteration):  # a cell beyond all sense
             return [line]
         return [cell.strip() for cell in cells]
+
+
+def stray_quote(line: str) -> int | None:
+    """Return where a quote begins a cell that is not closed in its line; inches (``5" pipe``) begin none.
+
+    Examples
+    --------
+    >>> stray_quote('"0.002,1.5,3'), stray_quote('"a, b",1.5'), stray_quote('5" pipe,1.5')
+    (0, None, None)
+    """
+    if line.count('"') % 2 == 0:
+        return None
+    opened, at_start = None, True
+    for place, character in enumerate(line):
+        if character == '"':
+            opened = None if opened is not None else place if at_start else None
+        at_start = character in ",;\t|" or (at_start and character == " ")
+    return opened
+
+
+def without_stray_quote(line: str) -> str:
+    """Return a line without the quote that it does not close."""
+    place = stray_quote(line)
+    return line if place is None else line[:place] + line[place + 1 :]
 
 
 def _unquoted(cell: str) -> str:

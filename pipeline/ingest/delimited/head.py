@@ -6,16 +6,20 @@ Only the head is held in memory. A quoted header cell may span lines: these are 
 from __future__ import annotations
 
 import codecs
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.ingest.delimited.cells import is_number
+from pipeline.ingest.delimited.dialect import stray_quote, without_stray_quote
 from pipeline.ingest.delimited.encoding import Encoding, detect
 
 FIRST_LOOK, LONG_LOOK = 1 << 16, 1 << 20
 LONGEST_LINE = 1 << 22
 _FEW_LINES = 16
 _MOST_JOINED = 5
+_CELLS = re.compile(r"\s*[,;\t|]\s*")
 
 
 @dataclass(frozen=True)
@@ -91,21 +95,19 @@ def _joined(parts: list[str]) -> tuple[Line, ...]:
     index = 0
     while index < len(parts):
         last = index
-        if parts[index].count('"') % 2 and _is_left_open(parts[index]) and (end := _closing(parts, index)):
+        if _may_go_on(parts[index]) and (end := _closing(parts, index)):
             last = end
         lines.append(Line(index + 1, " ".join(parts[index : last + 1]), last + 1))
         index = last + 1
     return tuple(lines)
 
 
-def _is_left_open(text: str) -> bool:
-    """Tell whether a quote that begins a cell is not closed in its line; inches (``5" pipe``) begin none."""
-    in_quotes, at_start = False, True
-    for character in text:
-        if character == '"':
-            in_quotes = not in_quotes and at_start
-        at_start = character in ",;\t|" or (at_start and character == " ")
-    return in_quotes
+def _may_go_on(text: str) -> bool:
+    """Tell whether a quoted cell is still open at the end of a line; in a row of numbers the quote is a stray one."""
+    if stray_quote(text) is None:
+        return False
+    cells = [cell for cell in _CELLS.split(without_stray_quote(text)) if cell]
+    return 2 * sum(map(is_number, cells)) <= len(cells)
 
 
 def _closing(parts: list[str], start: int) -> int | None:

@@ -5,6 +5,7 @@ The survey reads the head only; `table` reads the rows as the layout says and te
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,8 @@ from pipeline.ingest.delimited.stamps import is_order_doubtful
 from pipeline.recording import QualityFinding
 
 FEWEST_ROWS = 4
+_NUMBERS = re.compile(r"(?:^|[\s,;|\"])[+-]?[0-9]*[.,]?[0-9]+(?:[eE][+-]?[0-9]+)?(?:$|[\s,;|\"])")
+LONGEST_QUOTE = 60
 
 
 @dataclass(frozen=True)
@@ -123,7 +126,7 @@ def survey(path: Path) -> Survey:
         layout,
         entries(above, fit.dialect),
         _details(head, layout, body),
-        tuple(_notes(layout, body, doubt)),
+        tuple(_notes(layout, head.lines, body, doubt)),
         tuple(beside),
         body.rows[:FIRST_ROWS],
     )
@@ -177,8 +180,25 @@ def _line_name(lines: Sequence[Line], index: int | None, without: str = "none") 
     return without if index is None else f"line {lines[index].number}"
 
 
-def _notes(layout: Layout, body: Body, doubt: str | None) -> list[QualityFinding]:
-    notes = []
+def _said_passed_over(lines: Sequence[Line], body: Body) -> list[QualityFinding]:
+    """Say which lines above the table might have been rows of it."""
+    if not body.passed_over:
+        return []
+    below = [index for index in body.passed_over if body.names_index is not None and index > body.names_index]
+    first = lines[(below or body.passed_over)[0]]
+    quote = f"'{first.text.strip()[:LONGEST_QUOTE]}'"
+    count = len(below or body.passed_over)
+    many = f"{count} line{'s' * (count > 1)}"
+    if below:
+        text = f"{many} between the names and the first row not read as a row, the first is line {first.number} ({quote})."
+        has_numbers = any(_NUMBERS.search(lines[index].text) for index in below)
+        return [QualityFinding("warning" if has_numbers else "note", text)]
+    text = f"{many} of numbers above the table not read, the first is line {first.number} ({quote})."
+    return [QualityFinding("note", text)]
+
+
+def _notes(layout: Layout, lines: Sequence[Line], body: Body, doubt: str | None) -> list[QualityFinding]:
+    notes = _said_passed_over(lines, body)
     if body.names is None and not any(column.is_named for column in layout.columns):
         last = layout.columns[-1].name if layout.columns else ""
         notes.append(

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.ingest.delimited.layout import Layout
+from pipeline.ingest.delimited.layout import LONGEST_QUOTE, Layout
 from pipeline.recording import Level, QualityFinding
 
-LONGEST_QUOTE = 60
 MOST_RAGGED = 0.05
 MOST_BAD = 0.05
 _JUDGED_FROM_ROWS = 10_000
@@ -30,7 +29,7 @@ class Oddities:
     """What was met beside well-formed rows, by kind and, where it concerns one, by place of the column.
 
     Kinds: ``ragged``, ``cut`` (the last line), ``comment``, ``heading`` (the header again), ``blank``, ``bad`` (text
-    where numbers should be), ``occupied`` (content of a column that is not read), ``zeros`` (at the file's end).
+    where numbers should be), ``quote`` (a quote that is not closed), ``occupied`` (content of a column that is not read), ``zeros`` (at the file's end).
     """
 
     found: dict[tuple[str, int | None], Oddity] = field(default_factory=dict)
@@ -77,6 +76,11 @@ _OF_ROWS: tuple[tuple[str, Level, str], ...] = (
         "heading",
         "warning",
         "The header comes again, {n} time{s}, first in line {line}; all rows are read as one table.",
+    ),
+    (
+        "quote",
+        "warning",
+        "{n} row{s} with a quotation mark that is not closed, the first in line {line} ({text}); read without it.",
     ),
     ("comment", "note", "{n} comment line{s} among the rows passed over, the first is line {line}: '{text}'."),
     ("blank", "note", "{n} row{s} of empty cells left out, the first in line {line}."),

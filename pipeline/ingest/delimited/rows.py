@@ -15,8 +15,9 @@ from pipeline.ingest.delimited.cells import is_missing
 from pipeline.ingest.delimited.chunks import Chunk
 from pipeline.ingest.delimited.columns import Column, stamp_text
 from pipeline.ingest.delimited.delimiter import is_value
-from pipeline.ingest.delimited.layout import Layout, decimals_of
-from pipeline.ingest.delimited.oddities import LONGEST_QUOTE, Oddities
+from pipeline.ingest.delimited.dialect import stray_quote
+from pipeline.ingest.delimited.layout import LONGEST_QUOTE, Layout, decimals_of
+from pipeline.ingest.delimited.oddities import Oddities
 from pipeline.ingest.delimited.stamps import NOT_A_TIME
 
 
@@ -74,6 +75,8 @@ def _rows(chunk: Chunk, layout: Layout, odd: Oddities) -> tuple[list[list[str]],
             if stripped == layout.headings[0]:
                 odd.add("heading", number, stripped)
             continue
+        if '"' in line and stray_quote(line) is not None:
+            odd.add("quote", number, stripped[:LONGEST_QUOTE])
         row = split(line)
         if len(row) != width:
             row = _evened(row, layout)
