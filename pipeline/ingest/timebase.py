@@ -230,7 +230,15 @@ def _bare(name: str) -> str:
 
 def _seconds_per(unit: str, where: str, channel: str) -> float:
     known = _SECONDS.get(unit.strip().strip("[]()").strip())
-    return known if known is not None else conversion(unit, "s", f"{where}, channel '{channel}'").factor
+    if known is not None:
+        return known
+    try:
+        return conversion(unit, "s", f"{where}, channel '{channel}'").factor
+    except InputError as error:
+        raise InputError(
+            f"{error} Give the unit of time in the recipe, under 'channels': "
+            f'`time: {{channel: "{channel}", unit: s}}`.'
+        ) from error
 
 
 def _epoch_unit(first: float, factor: float) -> str | None:

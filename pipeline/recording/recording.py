@@ -6,7 +6,7 @@ and where it came from. It knows nothing of files; `storage` writes and reads it
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -16,6 +16,8 @@ from pipeline.errors import InputError, listing
 
 Level = Literal["note", "warning", "error"]
 Condition = float | str | bool
+# Samples of one block of a stream in memory; a stream on disk has the blocks of its file.
+_BLOCK = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,25 @@ class Stream:
     def duration(self) -> float:
         """Seconds from first to last sample."""
         return float(self.time[-1] - self.time[0]) if self.time.size else 0.0
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return int(self.time.size)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Time of the first and of the last sample, s; NaN where there is none."""
+        return (float(self.time[0]), float(self.time[-1])) if self.time.size else (float("nan"), float("nan"))
+
+    def blocks(self, names: Sequence[str]) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
+        """Yield the stream piece by piece: time, shape (n,), and the values of each channel in `names`.
+
+        A stream that lies on disk holds one piece at a time in memory.
+        """
+        for start in range(0, self.time.size, _BLOCK):
+            piece = slice(start, start + _BLOCK)
+            yield self.time[piece], [self.channels[name].values[piece] for name in names]
 
 
 @dataclass(frozen=True)

@@ -151,14 +151,53 @@ class _ChannelsOnDisk(Mapping[str, Channel]):
         return len(self._units)
 
 
+class _StreamOnDisk(Stream):
+    """A stream whose time and channels stay on disk until they are asked for."""
+
+    def __init__(self, path: Path, name: str, units: Mapping[str, str]) -> None:
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "channels", _ChannelsOnDisk(path, units))
+        object.__setattr__(self, "_path", path)
+
+    _path: Path
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        # Only what is not there yet comes here: the time base, once.
+        if name != "time":
+            raise AttributeError(name)
+        object.__setattr__(self, "time", _columns(self._path, ["time"])["time"].to_numpy())
+        return self.time
+
+    @property
+    def size(self) -> int:
+        return int(pq.read_metadata(self._path).num_rows)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        about = pq.read_metadata(self._path)
+        groups = [about.row_group(i).column(0) for i in range(about.num_row_groups) if about.row_group(i).num_rows]
+        if not groups or not all(group.is_stats_set and group.statistics.has_min_max for group in groups):
+            return super().span
+        return float(groups[0].statistics.min) + 0.0, float(groups[-1].statistics.max)  # a zero is kept as -0
+
+    @property
+    def duration(self) -> float:
+        first, last = self.span
+        return last - first if first == first else 0.0
+
+    def blocks(self, names: Sequence[str]) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
+        for block in read_blocks(self._path, list(names)):
+            yield block["time"], [block[name] for name in names]
+
+
 def read(paths: Path | Iterable[Path], *, lazily: bool = False) -> Recording:
     """Read the recording that `paths` (one file a stream) hold.
 
     Parameters
     ----------
     lazily
-        Read a channel's samples when they are first used, and not at all otherwise; the files must
-        stay where they are for so long.
+        Read a channel's samples when they are first used, and not at all otherwise; `Stream.blocks`
+        then never holds more than one row group. The files must stay where they are for so long.
 
     Raises
     ------
@@ -174,8 +213,7 @@ def read(paths: Path | Iterable[Path], *, lazily: bool = False) -> Recording:
         del units["time"]
         name = str(about["stream"])
         if lazily:
-            time = _columns(path, ["time"])["time"].to_numpy()
-            streams[name] = Stream(name, time, _ChannelsOnDisk(path, units))
+            streams[name] = _StreamOnDisk(path, name, units)
         else:
             table = _columns(path, None)
             channels = {channel: Channel(channel, table[channel].to_numpy(), unit) for channel, unit in units.items()}

@@ -14,6 +14,7 @@ from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from pipeline.errors import InputError, listing, nearest
+from pipeline.recording.unit_words import symbol_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,8 +33,8 @@ _SPELLINGS = {
     "G": "gauss_field", "U/min": "rpm", "rev/min": "rpm", "r/min": "rpm", "rev": "turn", "revs": "turn",
     "rev/s": "turn/s", "rps": "turn/s", "cpm": "1/min", "spm": "1/min",
     "gn": "g_0", "g0": "g_0", "kp": "kgf", "Sec": "s", "Sek": "s", "sek": "s", "Secs": "s",
-    "秒": "s", "毫秒": "ms", "分": "min", "毫米": "mm", "米": "m", "牛": "N", "千牛": "kN",
-    "degC": "degC", "C": "C", "deg C": "degC", "Deg C": "degC", "grad C": "degC", "Grad C": "degC",
+    "秒": "s",
+    "degC": "degC", "C": "C", "deg C": "degC", "Deg C": "degC", "grad C": "degC", "Grad C": "degC", "Grad": "deg", "Grad Celsius": "degC",
     "cnt": "count", "cnts": "count", "mmHG": "mmHg", "cc": "cm^3", "ccm": "cm^3", "lpm": "l/min",
     "LPM": "l/min", "KN": "kN", "Kn": "kN", "Hz.": "Hz", "kHz": "kHz", "HZ": "Hz",
     "MM": "mm", "Mm": "mm", "Volt": "V", "Volts": "V", "Newtons": "N", "Amps": "A", "Amp": "A",
@@ -128,12 +129,14 @@ def _spelt_for_pint(text: str) -> str:
     text = text.strip().strip("[]()").strip()
     if text in _SPELLINGS:
         return _SPELLINGS[text]
+    if word := symbol_of(text):
+        return word
     text = text.replace("℃", "degC").replace("°C", "degC").replace("°F", "degF").replace("°", "deg")
     text = text.replace("µ", "u").replace("μ", "u").replace("Ω", "ohm").replace("Ω", "ohm")
     text = text.replace("·", "*").replace("⋅", "*").replace("×", "*").replace("−", "-")
     text = re.sub(r"(?<=[A-Za-z])(-?\d)(?=$|[^\w.])", r"^\1", text)  # m/s2 -> m/s^2
     parts = re.split(r"([/*\s^])", text)
-    return "".join(_SPELLINGS.get(part, part) if part.strip() else part for part in parts)
+    return "".join(_SPELLINGS.get(part) or symbol_of(part) or part if part.strip() else part for part in parts)
 
 
 @cache

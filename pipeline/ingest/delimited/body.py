@@ -181,6 +181,13 @@ class _Above:
         for (place, cells), over in pairwise(fitting):
             if self._is_units_row(cells) and not self._is_units_row(over[1]):
                 return over, (place, cells)
+        for (place, cells), over in pairwise(fitting):
+            if self._is_units_row(over[1]) and not self._is_units_row(cells) and header.names_time(cells):
+                return (place, cells), over  # the units stand above the names
+            if header.is_unknown_units_row([cells[k] for k in self.measured], [over[1][k] for k in self.measured]):
+                return over, (place, cells)
+            if header.names_time(over[1]) and not header.names_time(cells):
+                return over, None  # a remark stands between the names and the rows
         if len(fitting) > 1 and self._is_comment(fitting[0][0]) and not self._is_comment(fitting[1][0]):
             return fitting[1], None
         if fitting and self._is_units_row(fitting[0][1]) and all(cell[:1] in "([" for cell in fitting[0][1] if cell):

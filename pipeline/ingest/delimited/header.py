@@ -40,6 +40,11 @@ _MEASURED_IN = {
 }
 _PLAUSIBLE_UNIT = re.compile(r"(?:[^\W\d_]|[°℃℉%µμΩΩ²³⁻¹·⋅*/\s().-]|\^-?[0-9]|[0-9](?![0-9]{2}|\^)|[$'\"])+")
 _TIME_WORD = re.compile(r"(?i).*(time|zeit|temps|tempo|dauer|duration)|t")
+_TIME_NAME = re.compile(
+    r"(?i)(.*[\s_.-])?(time|zeit|prüfzeit|messzeit|laufzeit|temps|tempo|tiempo|tijd|czas|время|zeitstempel|timestamp)"
+    r"([\s_.-].*)?|t|.*(时间|時間|時刻|시간).*"
+)
+_WIDE_BRACKETS = str.maketrans("（）［］【】", "()[][]")
 _LONGEST_UNIT, _LONGEST_HEADER, _MOST_JUDGED = 16, 200, 50
 _NO_UNITS = {"sequence", "index", "text", "string"}
 _UNIT_LETTERS = set("sNmVAKgCWJh%°-")
@@ -55,7 +60,7 @@ def name_and_unit(text: str) -> tuple[str, str | None]:
     >>> name_and_unit("Sensor (left)"), name_and_unit("stress/strain"), name_and_unit("dF/dt")
     (('Sensor (left)', None), ('stress/strain', None), ('dF/dt', None))
     """
-    text = " ".join(text.split())
+    text = " ".join(text.translate(_WIDE_BRACKETS).split())
     if len(text) > _LONGEST_HEADER:
         return text, None
     if match := _BRACKETED.fullmatch(text):
@@ -134,7 +139,7 @@ def _measure_the_same(units: Sequence[str | None]) -> bool:
 
 def unit_in_row(cell: str) -> str | None:
     """Return the unit that one cell of a units row holds: ``(s)``, ``[mm]``, ``kN``."""
-    text = cell.strip()
+    text = cell.translate(_WIDE_BRACKETS).strip()
     if text[:1] + text[-1:] in ("()", "[]", "<>", "{}"):
         text = text[1:-1].strip()
     if text.lower() in _NO_UNITS:
@@ -150,9 +155,44 @@ def is_units_row(cells: Sequence[str]) -> bool:
     filled = [cell for cell in cells if cell][:_MOST_JUDGED]
     if not filled or any(len(cell) > _LONGEST_UNIT for cell in filled):
         return False
-    known = [cell for cell in filled if _is_unit_cell(cell) and (len(cell) > 1 or cell in _UNIT_LETTERS)]
-    words = sum(len(cell) > 1 for cell in known)
+    known = [cell for cell in filled if _is_unit_cell(cell) and (_is_word(cell) or cell in _UNIT_LETTERS)]
+    words = sum(map(_is_word, known))
     return len(known) >= 0.6 * len(filled) or (words > 1 and len(known) >= 0.5 * len(filled))
+
+
+def _is_word(cell: str) -> bool:
+    """Tell whether a cell is more than a Latin letter; a Chinese or Cyrillic character is a word of its own."""
+    return len(cell) > 1 or not cell.isascii()
+
+
+def is_unknown_units_row(cells: Sequence[str], names: Sequence[str]) -> bool:
+    """Tell whether a row under `names` holds units although few or none of them are known.
+
+    It does where all its cells stand in brackets, where units come again and names do not, and where one of the names
+    is time's and none of the row's words is.
+    """
+    filled = [cell for cell in cells if cell]
+    if not filled or any(len(cell) > _LONGEST_UNIT or looks_numbered(cell) for cell in filled):
+        return False
+    if all(cell[:1] + cell[-1:] in ("()", "[]", "<>", "{}") for cell in filled):
+        return True
+    named = [cell for cell in names if cell]
+    bear_units = any(name_and_unit(cell)[1] is not None for cell in named)
+    if len(named) < len(filled) or len(set(named)) < len(named) or bear_units:
+        return False
+    if len(set(filled)) < len(filled):
+        return True
+    return names_time(names) and not names_time(cells)
+
+
+def looks_numbered(cell: str) -> bool:
+    """Tell whether a word ends in a number of two or more digits, as serial numbers do and units do not."""
+    return re.search(r"[0-9]{2}$", cell) is not None
+
+
+def names_time(cells: Sequence[str]) -> bool:
+    """Tell whether one of a row's cells is a name of time, in the languages that logs are written in."""
+    return any(_TIME_NAME.fullmatch(name_and_unit(cell)[0].strip()) for cell in cells if cell)
 
 
 def _is_unit_cell(cell: str) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, listing
 from pipeline.ingest.delimited.body import Body, Row, find_body
 from pipeline.ingest.delimited.cells import Notation, is_number, notation
 from pipeline.ingest.delimited.columns import FIRST_ROWS, Column, Stamp, entry_columns, find_stamp, named_columns
@@ -18,10 +18,12 @@ from pipeline.ingest.delimited.delimiter import detect
 from pipeline.ingest.delimited.dialect import Dialect
 from pipeline.ingest.delimited.encoding import Encoding
 from pipeline.ingest.delimited.head import LONG_LOOK, Head, Line, read_head
+from pipeline.ingest.delimited.header import unit_in_row
 from pipeline.ingest.delimited.preamble import entries
 from pipeline.ingest.delimited.regular import RegularClock, labview_rows, labview_units, regular_clock
 from pipeline.ingest.delimited.stamps import is_order_doubtful
 from pipeline.recording import QualityFinding
+from pipeline.recording.units import is_unit
 
 FEWEST_ROWS = 4
 _NUMBERS = re.compile(r"(?:^|[\s,;|\"])[+-]?[0-9]*[.,]?[0-9]+(?:[eE][+-]?[0-9]+)?(?:$|[\s,;|\"])")
@@ -190,11 +192,31 @@ def _said_passed_over(lines: Sequence[Line], body: Body) -> list[QualityFinding]
     count = len(below or body.passed_over)
     many = f"{count} line{'s' * (count > 1)}"
     if below:
-        text = f"{many} between the names and the first row not read as a row, the first is line {first.number} ({quote})."
+        text = (
+            f"{many} between the names and the first row not read as a row, the first is line {first.number} ({quote})."
+        )
         has_numbers = any(_NUMBERS.search(lines[index].text) for index in below)
         return [QualityFinding("warning" if has_numbers else "note", text)]
     text = f"{many} of numbers above the table not read, the first is line {first.number} ({quote})."
     return [QualityFinding("note", text)]
+
+
+def _said_unknown_units(lines: Sequence[Line], body: Body) -> list[QualityFinding]:
+    """Say which words of the units row are no units; where a channel needs one of them, the recipe must give it."""
+    if body.units is None or body.units_index is None:
+        return []
+    found = [unit for cell in body.units if (unit := unit_in_row(cell)) and not is_number(unit) and not is_unit(unit)]
+    if not found:
+        return []
+    words = listing(f"'{unit}'" for unit in dict.fromkeys(found))
+    return [
+        QualityFinding(
+            "note",
+            f"Line {lines[body.units_index].number} is taken for the units of the columns; not understood are {words}. "
+            "A channel that has one of these needs its unit in the recipe, under 'channels': "
+            '`force: {channel: "<name in the log>", unit: N}`.',
+        )
+    ]
 
 
 def _notes(layout: Layout, lines: Sequence[Line], body: Body, doubt: str | None) -> list[QualityFinding]:
@@ -210,6 +232,7 @@ def _notes(layout: Layout, lines: Sequence[Line], body: Body, doubt: str | None)
                 notes.append(
                     QualityFinding("note", f"Column {column.index + 1} has no name; it is called {column.name}.")
                 )
+    notes += _said_unknown_units(lines, body)
     for column in layout.unread:
         if column.kind == "empty" and not column.is_named:
             notes.append(QualityFinding("note", f"Column {column.index + 1} has neither name nor content; left out."))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.ingest.delimited.layout import LONGEST_QUOTE, Layout
+from pipeline.ingest.delimited.layout import Layout
 from pipeline.recording import Level, QualityFinding
 
 MOST_RAGGED = 0.05
