@@ -91,7 +91,9 @@ def test_a_channel_that_nobody_asks_for_is_not_read(tmp_path: Path, monkeypatch:
     assert "speed" not in lazy
     np.testing.assert_array_equal(lazy.values("force"), recording().values("force"))
     lazy.values("force")
-    assert asked == [["time"], ["time"], ["force"]]
+    assert asked == [["force"]]
+    np.testing.assert_array_equal(lazy.streams["fast"].time, recording().streams["fast"].time)
+    assert asked == [["force"], ["time"]]
 
 
 def test_blocks_come_in_order_and_bounded(tmp_path: Path) -> None:
@@ -105,6 +107,19 @@ def test_blocks_come_in_order_and_bounded(tmp_path: Path) -> None:
     assert list(blocks[0]) == ["time", "force"]
     np.testing.assert_array_equal(np.concatenate([block["force"] for block in blocks]), time**2)
     assert list(next(storage.read_blocks(path))) == ["time", "force", "x"]
+
+
+def test_a_stream_gives_the_same_pieces_from_memory_and_from_disk(tmp_path: Path) -> None:
+    n = storage.ROW_GROUP + 7
+    time = 2.0 + np.arange(n) / 1000.0
+    held = Stream("", time, {"force": Channel("force", time**2, "N"), "x": Channel("x", -time, "m")})
+    stored = storage.read(storage.write(Recording("long", {"": held}), tmp_path), lazily=True).streams[""]
+    for stream in (held, stored):
+        pieces = list(stream.blocks(["x"]))
+        assert [stamps.size for stamps, _ in pieces] == [storage.ROW_GROUP, 7]
+        np.testing.assert_array_equal(np.concatenate([stamps for stamps, _ in pieces]), time)
+        np.testing.assert_array_equal(np.concatenate([x for _, (x,) in pieces]), -time)
+        assert (stream.size, stream.span, stream.duration) == (n, (time[0], time[-1]), time[-1] - time[0])
 
 
 def test_writing_block_by_block_gives_the_same_recording(tmp_path: Path) -> None:
