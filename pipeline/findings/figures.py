@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -18,7 +18,10 @@ Role = Literal["measured", "model", "reference", "residual", "fault"] | int
 
 @dataclass(frozen=True)
 class Axis:
-    """Label without unit, SI unit ('%' for a ratio read in percent), scale. The report picks mm for m and the like."""
+    """Label without unit, SI unit, scale. The report picks mm for m and the like.
+
+    Units that are no SI units say how numbers are read: '%' a ratio, 'degC' an absolute temperature in K.
+    """
 
     label: str
     unit: str = "1"
@@ -27,18 +30,44 @@ class Axis:
 
 @dataclass(frozen=True)
 class Line:
-    """A curve; x and y of shape (n,). NaN breaks it."""
+    """A curve; x and y of shape (n,). NaN breaks it; the last point is joined to the first where `closed`."""
 
     x: np.ndarray
     y: np.ndarray
     role: Role = "measured"
     label: str = ""
     dashed: bool = False
+    closed: bool = False
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A polygon or any closed curve with its inside tinted; x and y of shape (n,), closed by itself."""
+
+    x: np.ndarray
+    y: np.ndarray
+    role: Role = "measured"
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Stems:
+    """Bars that stand on `base` at each x, shape (n,): spectra and full spectra (orders below zero too).
+
+    `width` in units of x makes them bars; without it they are thin stems with a head.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    role: Role = "measured"
+    label: str = ""
+    width: float | None = None
+    base: float = 0.0
 
 
 @dataclass(frozen=True)
 class Points:
-    """Markers, with 95 % limits `low` and `high` where given (shape (n,) each)."""
+    """Markers, with 95 % limits where given: `low`, `high` along y, `left`, `right` along x (shape (n,) each)."""
 
     x: np.ndarray
     y: np.ndarray
@@ -47,6 +76,8 @@ class Points:
     low: np.ndarray | None = None
     high: np.ndarray | None = None
     texts: Sequence[str] = ()
+    left: np.ndarray | None = None
+    right: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -62,7 +93,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Rule:
-    """A straight line across the panel at x or at y, with its label."""
+    """A straight line across the panel at x or at y; labels of several are kept apart."""
 
     x: float | None = None
     y: float | None = None
@@ -79,7 +110,7 @@ class Matrix:
     columns: Sequence[str]
 
 
-Mark = Line | Points | Band | Rule | Matrix
+Mark = Line | Points | Outline | Stems | Band | Rule | Matrix
 
 
 @dataclass(frozen=True)
@@ -117,12 +148,34 @@ class Value:
     note: str = ""
 
 
-Cell = str | float | int | bool | None | Value
+Mood = Literal["ok", "warning", "rejected", "unsaid"]
+
+
+@dataclass(frozen=True)
+class Status:
+    """A cell that judges: the `word` says it, the colour of `mood` repeats it.
+
+    `Status.agrees`, `Status.contradicts` and `Status.not_checkable` are the words for a claim held
+    against what was found; others are made as ``Status("not determined", "warning")``.
+    """
+
+    word: str
+    mood: Mood = "unsaid"
+    agrees: ClassVar[Status]
+    contradicts: ClassVar[Status]
+    not_checkable: ClassVar[Status]
+
+
+Status.agrees = Status("agrees", "ok")
+Status.contradicts = Status("contradicts", "rejected")
+Status.not_checkable = Status("not checkable")
+
+Cell = str | float | int | bool | None | Value | Status
 
 
 @dataclass(frozen=True)
 class Column:
-    """Heading, SI unit of its numbers ('' for text, '%' for ratios read in percent)."""
+    """Heading, SI unit of its numbers ('' for text; '%' and 'degC' as in `Axis`)."""
 
     heading: str
     unit: str = ""

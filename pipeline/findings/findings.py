@@ -69,7 +69,10 @@ class ModelResult(_Strict):
 
 
 class Published(_Strict):
-    """A number or claim of the paper beside what was found; `agrees` is null where neither can be said."""
+    """A number or claim of the paper beside what was found; `agrees` is null where neither can be said.
+
+    `basis` says what `found` was computed from: these logs, or the paper's own numbers alone.
+    """
 
     name: str
     published: float | str | None
@@ -78,6 +81,7 @@ class Published(_Strict):
     where: str = ""
     agrees: bool | None = None
     remark: str = ""
+    basis: Literal["logs", "paper"] = Field("logs", description="'paper': computed without these logs")
 
 
 class Quality(_Strict):

@@ -8,22 +8,17 @@ from pathlib import PurePosixPath
 from markupsafe import Markup
 
 from pipeline.findings import Findings, ModelResult, Published, Quality, Run
-from pipeline.findings.figures import Cell, Column, Table
+from pipeline.findings.figures import Cell, Column, Mood, Status, Table
 from pipeline.report.numbers import plain
 from pipeline.report.parameters import condition_text, unit_of_condition
-from pipeline.report.reading_units import reading_unit, typical
-from pipeline.report.table import MOST_ROWS, NOTHING, Head, Shown, TableView, table_view
+from pipeline.report.reading_units import ReadingUnit, reading_unit, typical
+from pipeline.report.table import MOST_ROWS, NOTHING, Head, Shown, TableView, badge, table_view
 from pipeline.report.words import clean
 from pipeline.rigs.experiment import Experiment
 
 LEVELS = ("error", "warning", "note")
-_AGREES = {True: ("agrees", "ok"), False: ("does not agree", "rejected"), None: ("cannot be said", "unsaid")}
+_AGREES = {True: Status.agrees, False: Status.contradicts, None: Status.not_checkable}
 _HASH_DIGITS = 12
-
-
-def badge(text: str, kind: str) -> Markup:
-    """Return a coloured word; the word says it, the colour repeats it."""
-    return Markup('<span class="badge {}">{}</span>').format(kind, text)
 
 
 def models_table(models: Sequence[ModelResult]) -> TableView:
@@ -44,7 +39,7 @@ def models_table(models: Sequence[ModelResult]) -> TableView:
     ]  # fmt: skip
     rows: list[list[Cell]] = [
         [
-            Markup("<b>{}</b> {}").format(clean(m.name), badge("selected", "ok")) if m.selected else clean(m.name),
+            Markup("<b>{}</b> {}").format(clean(m.name), badge(Status("selected", "ok"))) if m.selected else clean(m.name),
             m.n_parameters, m.n_data, m.rms_residual, m.nrmse, m.chi2_reduced, above(m, "aicc"),
             above(m, "bic"), m.cv_error, clean(m.description),
         ]
@@ -62,28 +57,43 @@ def models_table(models: Sequence[ModelResult]) -> TableView:
     )
 
 
-def published_table(published: Sequence[Published]) -> TableView:
-    """Set published numbers beside those found, each pair in one unit."""
+def published_table(published: Sequence[Published]) -> TableView | None:
+    """Set published numbers beside those found in these logs, each pair in one unit; None where there are none."""
+    rows = _pairs([entry for entry in published if entry.basis == "logs"])
+    return _pairs_view("published", "Published values beside those found", "", "Found", rows) if rows else None
+
+
+def paper_table(published: Sequence[Published]) -> TableView | None:
+    """List what was computed from the paper's own numbers, which says nothing about these logs."""
+    rows = _pairs([entry for entry in published if entry.basis == "paper"])
+    caption = "Arithmetic with the paper's own numbers. No log of this campaign enters, so nothing here speaks for it."
+    return _pairs_view("paper", "Is the paper consistent in itself", caption, "Recomputed", rows) if rows else None
+
+
+def _pairs_view(name: str, title: str, caption: str, beside: str, rows: Sequence[Sequence[Shown]]) -> TableView:
+    heads = [Head("Quantity"), Head("Published", number=True), Head(beside, number=True), Head("Unit"),
+             Head("Agreement"), Head("Remark")]  # fmt: skip
+    return TableView(name, title, caption, heads, rows)
+
+
+def _pairs(published: Sequence[Published]) -> list[list[Shown]]:
     rows = []
     for entry in published:
         numbers = [value for value in (entry.published, entry.found) if isinstance(value, float | int)]
         unit = reading_unit(entry.unit, typical(numbers))
-        texts = [_number_or_words(value, unit.size) for value in (entry.published, entry.found)]
-        word, kind = _AGREES[entry.agrees]
+        texts = [_number_or_words(value, unit) for value in (entry.published, entry.found)]
         rows.append([
             Shown(clean(entry.name), clean(entry.where)), Shown(texts[0], kind=_kind(entry.published)),
-            Shown(texts[1], kind=_kind(entry.found)), Shown(unit.name), Shown(badge(word, kind)),
+            Shown(texts[1], kind=_kind(entry.found)), Shown(unit.name), Shown(badge(_AGREES[entry.agrees])),
             Shown(clean(entry.remark)),
         ])  # fmt: skip
-    heads = [Head("Quantity"), Head("Published", number=True), Head("Found", number=True), Head("Unit"),
-             Head("Agreement"), Head("Remark")]  # fmt: skip
-    return TableView("published", "Published values beside those found", "", heads, rows)
+    return rows
 
 
-def _number_or_words(value: float | str | None, size: float) -> str:
+def _number_or_words(value: float | str | None, unit: ReadingUnit) -> str:
     if isinstance(value, str):
         return clean(value)
-    return NOTHING if value is None else plain(value / size)
+    return NOTHING if value is None else plain(unit.read(value))
 
 
 def _kind(value: float | str | None) -> str:
@@ -93,9 +103,9 @@ def _kind(value: float | str | None) -> str:
 def quality_table(quality: Sequence[Quality]) -> TableView:
     """List what was noticed about the data, the gravest first."""
     ordered = sorted(quality, key=lambda finding: LEVELS.index(finding.level))
-    kinds = {"error": "rejected", "warning": "warning", "note": "unsaid"}
+    kinds: dict[str, Mood] = {"error": "rejected", "warning": "warning", "note": "unsaid"}
     rows: list[list[Cell]] = [
-        [badge(q.level, kinds[q.level]), q.run or "all", q.channel or NOTHING, _span(q.span), q.message]
+        [Status(q.level, kinds[q.level]), q.run or "all", q.channel or NOTHING, _span(q.span), q.message]
         for q in ordered
     ]
     columns = [Column(text) for text in ("Level", "Run", "Channel", "Time (s)", "What was found")]
@@ -134,7 +144,7 @@ def runs_table(runs: Sequence[Run], experiment: Experiment) -> tuple[TableView, 
     ordered = sorted(runs, key=lambda run: run.used) if len(runs) > MOST_ROWS else runs
     rows: list[list[Cell]] = [
         [
-            run.run, "yes" if run.used else badge("no", "warning"), run.duration, run.n_samples,
+            run.run, "yes" if run.used else Status("no", "warning"), run.duration, run.n_samples,
             *(run.conditions.get(name) for name in differ), *([run.reason] if reasons else []),
         ]
         for run in ordered

@@ -16,6 +16,7 @@ from pipeline.findings.figures import Cell, Column, Figure, Section, Table
 from pipeline.report.accounts import (
     logs_table,
     models_table,
+    paper_table,
     published_table,
     quality_table,
     repairs_table,
@@ -94,15 +95,20 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
         made.append(Chapter(_anchor(section, place), clean(section.title), list(numbers.given(_section(section)))))
     tail: list[tuple[str, str, list[Block | Figure]]] = [
         ("models", "Models compared", [models_table(findings.models)] if findings.models else []),
-        ("published", "Published values", [published_table(findings.published)] if findings.published else []),
+        ("published", "Published values", _some(published_table(findings.published))),
         ("quality", "Quality of the data", _quality(findings)),
         ("parameters", "All parameters", [*parameter_tables(findings, experiment)]),
         ("runs", "Runs", _runs(findings, experiment)),
+        ("paper", "Checks of the paper, without these logs", _some(paper_table(findings.published))),
         ("methods", "How it was done", _methods(findings, experiment)),
         ("repeat", "To repeat this", _repeat(findings, experiment, command)),
     ]
     made += [Chapter(anchor, title, list(numbers.given(blocks))) for anchor, title, blocks in tail]
     return [chapter for chapter in made if chapter.blocks]
+
+
+def _some(*tables: TableView | None) -> list[Block | Figure]:
+    return [table for table in tables if table]
 
 
 class _Numbers:
@@ -142,8 +148,8 @@ def _section(section: Section) -> Iterator[Block | Figure]:
 
 
 def _quality(findings: Findings) -> list[Block | Figure]:
-    tables = [quality_table(findings.quality) if findings.quality else None, repairs_table(findings.runs)]
-    return [table for table in tables if table] or [Paragraphs(["Nothing was noticed, and nothing was repaired."])]
+    tables = _some(quality_table(findings.quality) if findings.quality else None, repairs_table(findings.runs))
+    return tables or [Paragraphs(["Nothing was noticed, and nothing was repaired."])]
 
 
 def _runs(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
@@ -168,8 +174,7 @@ def _repeat(findings: Findings, experiment: Experiment, command: str) -> list[Bl
         blocks.append(Facts(facts))
     if findings.settings:
         blocks.append(_settings_table(findings.settings, experiment))
-    logs = logs_table(findings)
-    return [*blocks, logs] if logs else blocks
+    return [*blocks, *_some(logs_table(findings))]
 
 
 def _facts(provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -107,9 +107,7 @@ def _salt(*parts: object) -> str:
 
 
 def _alt(figure: Figure) -> str:
-    text = clean(figure.alt) or clean(figure.title)
-    titles = [clean(panel.title) for panel in figure.panels if clean(panel.title)]
-    return f"{text} Panels: {'; '.join(titles)}." if len(titles) > 1 else text
+    return clean(figure.alt) or clean(figure.title)
 
 
 def _scales(figure: Figure) -> list[tuple[Scale, Scale]]:
@@ -191,12 +189,17 @@ def _swatch(entry: Key, look: Style) -> Markup:
     if entry.band:
         parts += Markup('<rect x="0" y="1" width="30" height="10" fill="{}" fill-opacity=".25"/>').format(colour)
     if entry.line:
-        dash = Markup(' stroke-dasharray="6 3"') if entry.dashed else ""
+        dash = Markup(' stroke-dasharray="6 3"') if entry.dashed or look.hollow else ""
         parts += Markup('<path d="M0 6H30" stroke="{}" stroke-width="{}" fill="none"{}/>').format(
             colour, escape(f"{look.width:g}"), dash
         )
-    if entry.points or (entry.line and isinstance(entry.role, int)):
-        parts += Markup('<path d="{}" transform="translate(15 6)" fill="{}"/>').format(look.marker_path, colour)
+    if entry.stems:
+        parts += Markup('<path d="M9 12V3M15 12V0M21 12V6" stroke="{}" stroke-width="2.5" fill="none"/>').format(colour)
+    if entry.points or (entry.line and not entry.band and isinstance(entry.role, int)):
+        inside = "var(--paper)" if look.hollow else colour
+        parts += Markup('<path d="{}" transform="translate(15 6)" fill="{}" stroke="{}" stroke-width="1.2"/>').format(
+            look.marker_path, inside, colour
+        )
     return Markup(
         '<svg viewBox="0 0 30 12" width="30" height="12" aria-hidden="true" focusable="false">{}</svg>'
     ).format(parts)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.findings.figures import Band, Figure, Line, Panel, Points, Role
+from pipeline.findings.figures import Band, Figure, Line, Outline, Panel, Points, Role, Stems
 from pipeline.report.scale import extent
 from pipeline.report.words import clean, text_width
 
@@ -18,7 +18,8 @@ _LONGEST_DIRECT = 15
 _PANELS_WITH_REPEATED_WORDS = 2
 _FAR_FROM_THE_EDGE = 0.3  # of the width
 
-Named = Line | Points | Band
+Named = Line | Points | Outline | Stems | Band
+_Curve = Line | Points | Outline | Stems  # named by their role where they bear no label
 
 
 @dataclass(frozen=True)
@@ -31,11 +32,16 @@ class Key:
     dashed: bool = False
     points: bool = False
     band: bool = False
+    stems: bool = False
 
     def also(self, mark: Named) -> Key:
         """Return the entry with the look of `mark` added."""
         if isinstance(mark, Line):
             return replace(self, line=True, dashed=self.dashed or mark.dashed)
+        if isinstance(mark, Outline):
+            return replace(self, line=True, band=True)
+        if isinstance(mark, Stems):
+            return replace(self, stems=True)
         return replace(self, points=True) if isinstance(mark, Points) else replace(self, band=True)
 
 
@@ -46,13 +52,13 @@ def label_of(mark: Named, named_by_role: bool) -> str:
 
 def _roles_differ(panel: Panel) -> bool:
     """Tell whether marks of several roles (measured, model, ...) need telling apart."""
-    roles = {mark.role for mark in panel.marks if isinstance(mark, Line | Points)}
+    roles = {mark.role for mark in panel.marks if isinstance(mark, _Curve)}
     return len({role for role in roles if isinstance(role, str)}) > 1
 
 
 def _labels(panel: Panel) -> set[str]:
     by_role = _roles_differ(panel)
-    return {label_of(mark, by_role) for mark in panel.marks if isinstance(mark, Line | Points)}
+    return {label_of(mark, by_role) for mark in panel.marks if isinstance(mark, _Curve)}
 
 
 def _runs_to_the_right(mark: Named) -> bool:
@@ -75,6 +81,8 @@ def ends(figure: Figure, panel: Panel, columns: int) -> Mapping[str, Line | Poin
     by_role = _roles_differ(panel)
     drawn = [mark for mark in panel.marks if isinstance(mark, Line | Points) and label_of(mark, by_role)]
     drawn = [mark for mark in drawn if _reaches_the_right(mark, panel)]
+    if any(isinstance(mark, Outline | Stems) or (isinstance(mark, Line) and mark.closed) for mark in panel.marks):
+        return {}
     if columns > 2 or not all(_runs_to_the_right(mark) for mark in drawn):
         return {}
     panels_with = Counter(label for other in figure.panels for label in _labels(other))
@@ -99,7 +107,7 @@ def keys(figure: Figure, columns: int) -> list[Key]:
         by_role = _roles_differ(panel)
         at_ends = ends(figure, panel, columns)
         for mark in panel.marks:
-            if not isinstance(mark, Line | Points | Band):
+            if not isinstance(mark, Named):
                 continue
             label = clean(mark.label) if isinstance(mark, Band) else label_of(mark, by_role)
             if label and label not in at_ends:

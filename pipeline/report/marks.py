@@ -1,4 +1,7 @@
-"""Draws one mark on matplotlib axes: lines thinned to what the eye can see, many points as a picture."""
+"""Draws one mark on matplotlib axes: lines thinned to what the eye can see, many points as a picture.
+
+The words beside marks are `texts`'s.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.findings.figures import Band, Line, Mark, Points, Rule
-from pipeline.report.palette import INK, PAPER, style
+from pipeline.findings.figures import Band, Line, Mark, Outline, Points, Rule, Stems
+from pipeline.report.palette import PAPER, style
 from pipeline.report.scale import Scale
-from pipeline.report.words import clean, text_width
+from pipeline.report.texts import write_texts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,9 +23,11 @@ _CAPS_UP_TO = 60
 _BIG_POINTS_UP_TO = 60
 _SHAPED_POINTS_UP_TO = 600
 _SHAPES_ON_A_LINE = 6
+_ROOM_FOR_A_HEAD = 9.0  # px between stems
 _UNDER_A_MODEL = {"linewidth": 2.8, "alpha": 0.6}  # a measured curve stays visible below a model that follows it
-_GROUND = {"facecolor": PAPER[0], "edgecolor": "none", "alpha": 0.75, "pad": 1.0}  # below the words of a rule
-_Z = {"Band": 1.0, "Rule": 1.5, "Line": 2.5, "Points": 3.0}
+_MEASURED_UNDER_A_MODEL = {"markersize": 6.5, "alpha": 0.45}  # samples stay visible on both sides of its line
+_DASH = (0, (4, 2.2))
+_Z = {"Outline": 0.8, "Band": 1.0, "Rule": 1.5, "Stems": 2.0, "Line": 2.5, "Points": 3.0}
 _Z_ROLE = {"measured": -0.3, "model": 0.2, "fault": 0.4}
 
 
@@ -41,6 +46,7 @@ def draw_marks(axes: Axes, marks: Sequence[Mark], x: Scale, y: Scale, inner: tup
         Size of texts in pixels; 0 leaves them away.
     """
     has_model = any(isinstance(mark, Line) and mark.role == "model" for mark in marks)
+    narrowest = _narrowest([mark for mark in marks if isinstance(mark, Stems)], x, inner[0])
     for order, mark in enumerate(marks):
         z = _Z.get(type(mark).__name__, 0.0) + 0.001 * order
         if isinstance(mark, Line | Points):
@@ -48,13 +54,18 @@ def draw_marks(axes: Axes, marks: Sequence[Mark], x: Scale, y: Scale, inner: tup
         if isinstance(mark, Line):
             _line(axes, mark, x, y, inner[0], z, below=has_model and mark.role == "measured")
         elif isinstance(mark, Points):
-            _points(axes, mark, x, y, z)
-            if font and mark.texts:
-                _texts(axes, mark, x, y, inner, font)
+            below = has_model and mark.role == "measured" and mark.low is None
+            _points(axes, mark, x, y, z - (1.0 if below else 0.0), below)
+        elif isinstance(mark, Outline):
+            _outline(axes, mark, x, y, z)
+        elif isinstance(mark, Stems):
+            _stems(axes, mark, x, y, narrowest, z)
         elif isinstance(mark, Band):
             _band(axes, mark, x, y, inner[0], z)
         elif isinstance(mark, Rule):
-            _rule(axes, mark, x, y, inner, font, z)
+            _rule(axes, mark, x, y, z)
+    if font:
+        write_texts(axes, marks, x, y, inner, font)
 
 
 def thinned(x: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
@@ -88,15 +99,16 @@ def _rises(x: np.ndarray) -> bool:
 
 def _line(axes: Axes, mark: Line, x: Scale, y: Scale, width: float, z: float, below: bool) -> None:
     look = style(mark.role)
-    xs, ys = x.shown(mark.x), y.shown(mark.y)
+    xs, ys = _ring(x.shown(mark.x), y.shown(mark.y)) if mark.closed else (x.shown(mark.x), y.shown(mark.y))
     if _rises(xs):
         xs, ys = thinned(xs, ys, int(4 * width))
     shapes: dict[str, Any] = {}
     if isinstance(mark.role, int) and not _has_points(axes, look.light):
         every = max(xs.size // _SHAPES_ON_A_LINE, 1)
         shapes = {"marker": look.marker, "markersize": 4.5, "markevery": (every // 2, every)}
+        shapes["markerfacecolor"] = PAPER[0] if look.hollow else look.light
     (drawn,) = axes.plot(xs, ys, color=look.light, linewidth=look.width, zorder=z,
-                         linestyle=(0, (4, 2.2)) if mark.dashed else "-", **shapes)  # fmt: skip
+                         linestyle=_DASH if mark.dashed or look.hollow else "-", **shapes)  # fmt: skip
     if below:
         drawn.set(**_UNDER_A_MODEL)
     drawn.set_rasterized(xs.size > _RASTER_FROM)
@@ -107,7 +119,46 @@ def _has_points(axes: Axes, colour: str) -> bool:
     return any(line.get_linestyle() == "None" and line.get_color() == colour for line in axes.lines)
 
 
-def _points(axes: Axes, mark: Points, x: Scale, y: Scale, z: float) -> None:
+def _ring(xs: np.ndarray, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a curve that ends where it begins."""
+    return np.append(xs, xs[:1]), np.append(ys, ys[:1])
+
+
+def _outline(axes: Axes, mark: Outline, x: Scale, y: Scale, z: float) -> None:
+    look = style(mark.role)
+    xs, ys = _ring(x.shown(mark.x), y.shown(mark.y))
+    axes.fill(xs, ys, color=look.light, alpha=0.15, linewidth=0, zorder=z)
+    axes.plot(xs, ys, color=look.light, linewidth=look.width, linestyle=_DASH if look.hollow else "-", zorder=z + 0.05)
+
+
+def _narrowest(stems: Sequence[Stems], x: Scale, width: float) -> float:
+    """Return the least distance of neighbouring stems in pixels: what a stem may be thick."""
+    places = np.unique(np.concatenate([x.shown(mark.x) for mark in stems] or [np.empty(0)]))
+    places = places[np.isfinite(places)]
+    if places.size < 2:
+        return width
+    shares = np.array([x.fraction(float(place)) for place in places]) if places.size <= _CAPS_UP_TO else None
+    step = np.diff(shares).min() if shares is not None else np.diff(places).min() / (places[-1] - places[0])
+    return float(step * width)
+
+
+def _stems(axes: Axes, mark: Stems, x: Scale, y: Scale, narrowest: float, z: float) -> None:
+    look = style(mark.role)
+    xs, ys = x.shown(mark.x), y.shown(mark.y)
+    foot = y.shown(mark.base) if not y.log else np.full(1, y.low)
+    if mark.width is not None:
+        axes.bar(xs, ys - foot, width=mark.width / x.unit.size, bottom=float(foot), color=look.light, alpha=0.85,
+                 linewidth=0, zorder=z)  # fmt: skip
+        return
+    thick = float(np.clip(0.4 * narrowest, 0.8, 3.0))
+    drawn = axes.vlines(xs, foot, ys, colors=look.light, linewidth=thick, zorder=z)
+    drawn.set_rasterized(xs.size > _RASTER_FROM)
+    if narrowest > _ROOM_FOR_A_HEAD:
+        axes.plot(xs, ys, linestyle="None", marker=look.marker, color=look.light, markersize=5.0, markeredgewidth=1.0,
+                  markerfacecolor=PAPER[0] if look.hollow else look.light, zorder=z + 0.05)  # fmt: skip
+
+
+def _points(axes: Axes, mark: Points, x: Scale, y: Scale, z: float, below: bool) -> None:
     look = style(mark.role)
     xs, ys = x.shown(mark.x), y.shown(mark.y)
     many = xs.size > _RASTER_FROM
@@ -119,10 +170,17 @@ def _points(axes: Axes, mark: Points, x: Scale, y: Scale, z: float) -> None:
         if xs.size <= _CAPS_UP_TO:
             for limit in (low, high):
                 axes.plot(xs, limit, linestyle="none", marker="_", color=look.light, markersize=6, zorder=z - 0.05)
+    if mark.left is not None and mark.right is not None:
+        left, right = x.shown(mark.left), x.shown(mark.right)
+        left = np.where(np.isnan(left) & np.isfinite(right), x.low, left)
+        axes.hlines(ys, left, right, colors=look.light, linewidth=1.1, zorder=z - 0.05).set_rasterized(many)
     shape = look.marker if xs.size <= _SHAPED_POINTS_UP_TO else "."
     size = 5.5 if xs.size <= _BIG_POINTS_UP_TO else 3.6 if xs.size <= _SHAPED_POINTS_UP_TO else 2.6
     (drawn,) = axes.plot(xs, ys, linestyle="None", marker=shape, color=look.light, markersize=size,
-                         markeredgewidth=0.0, alpha=0.5 if many else None, zorder=z)  # fmt: skip
+                         markeredgewidth=1.1 if look.hollow else 0.0, alpha=0.5 if many else None, zorder=z,
+                         markerfacecolor=PAPER[0] if look.hollow else look.light)  # fmt: skip
+    if below:
+        drawn.set(**_MEASURED_UNDER_A_MODEL)
     drawn.set_rasterized(many)
 
 
@@ -136,60 +194,9 @@ def _band(axes: Axes, mark: Band, x: Scale, y: Scale, width: float, z: float) ->
     axes.fill_between(xs, low, high, color=style(mark.role).light, alpha=0.2, linewidth=0, zorder=z)
 
 
-def _rule(axes: Axes, mark: Rule, x: Scale, y: Scale, inner: tuple[float, float], font: float, z: float) -> None:
-    look = style(mark.role)
-    line: dict[str, Any] = {"color": look.light, "linewidth": 1.2, "linestyle": (0, (4, 2.2)), "zorder": z}
-    label = clean(mark.label)
+def _rule(axes: Axes, mark: Rule, x: Scale, y: Scale, z: float) -> None:
+    line: dict[str, Any] = {"color": style(mark.role).light, "linewidth": 1.2, "linestyle": _DASH, "zorder": z}
     if mark.y is not None:
-        at = float(y.shown(mark.y))
-        axes.axhline(at, **line)
-        if label and font and np.isfinite(at):
-            below = y.fraction(at) > 1 - 1.3 * font / inner[1]
-            axes.annotate(label, (1, at), xycoords=("axes fraction", "data"), textcoords="offset points",
-                          xytext=(-3, -3 if below else 3), ha="right", va="top" if below else "bottom",
-                          color=look.light, fontsize=font - 0.5, bbox=_GROUND, zorder=5)  # fmt: skip
+        axes.axhline(float(y.shown(mark.y)), **line)
     if mark.x is not None:
-        at = float(x.shown(mark.x))
-        axes.axvline(at, **line)
-        if label and font and np.isfinite(at):
-            left = x.fraction(at) > 1 - 1.5 * font / inner[0]
-            axes.annotate(label, (at, 1), xycoords=("data", "axes fraction"), textcoords="offset points",
-                          xytext=(-3 if left else 3, -2), ha="right" if left else "left", va="top", rotation=90,
-                          color=look.light, fontsize=font - 0.5, bbox=_GROUND, zorder=5)  # fmt: skip
-
-
-def _texts(axes: Axes, mark: Points, x: Scale, y: Scale, inner: tuple[float, float], font: float) -> None:
-    """Write each point's text beside it, on the first side where it hits neither a point nor another text."""
-    width, height = inner
-    xs, ys = x.shown(mark.x), y.shown(mark.y)
-    places = [
-        (x.fraction(float(a)) * width, y.fraction(float(b)) * height) if np.isfinite(a) and np.isfinite(b) else None
-        for a, b in zip(xs, ys, strict=True)
-    ]
-    taken = [(at[0] - 4, at[1] - 4, at[0] + 4, at[1] + 4) for at in places if at]
-    for at, raw in zip(places, mark.texts, strict=False):
-        text = clean(raw)
-        if not at or not text:
-            continue
-        long, tall = text_width(text, font - 1), 1.1 * font
-        boxes = [
-            (at[0] + dx, at[1] + dy, at[0] + dx + long, at[1] + dy + tall)
-            for dx, dy in ((6, -tall / 2), (-6 - long, -tall / 2), (-long / 2, 6), (-long / 2, -6 - tall),
-                           (5, 4), (5, -4 - tall), (-5 - long, 4), (-5 - long, -4 - tall))
-        ]  # fmt: skip
-        free = [box for box in boxes if _inside(box, width, height) and not any(_meet(box, other) for other in taken)]
-        box = (free or boxes)[0]
-        taken.append(box)
-        axes.text(box[0] / width, (box[1] + tall / 2) / height, text, transform=axes.transAxes, ha="left",
-                  va="center_baseline", fontsize=font - 1, color=INK[0])  # fmt: skip
-
-
-_Box = tuple[float, float, float, float]
-
-
-def _inside(box: _Box, width: float, height: float) -> bool:
-    return box[0] >= 0 and box[1] >= 0 and box[2] <= width + 4 and box[3] <= height + 4
-
-
-def _meet(one: _Box, other: _Box) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+        axes.axvline(float(x.shown(mark.x)), **line)

@@ -18,6 +18,7 @@ _DIGIT_SPACE = "\u2007"  # as wide as a digit
 _POINT_SPACE = "\u2008"  # as wide as a decimal point
 _WITHOUT_ERROR = 4
 _MOST_DIGITS = 9
+_SAME_DECIMALS_WITHIN = 100.0  # largest over smallest number of a column
 _LEADING_ZEROS = 3  # 0.0012 is still read at a glance
 _NORMAL_95 = 1.959964
 
@@ -85,6 +86,7 @@ def reading(
     std_error: float | None = None,
     ci95: tuple[float, float] | None = None,
     size: float = 1.0,
+    zero: float = 0.0,
 ) -> Reading:
     """Write a number with its standard error and 95 % interval.
 
@@ -92,8 +94,8 @@ def reading(
     ----------
     value, std_error, ci95
         In SI; an error of exactly zero means that the value is exact (held, defined).
-    size
-        Size of the unit for reading, in SI.
+    size, zero
+        Size of the unit for reading, in SI, and the SI value at which it starts to count.
 
     Examples
     --------
@@ -102,8 +104,8 @@ def reading(
     >>> str(reading(12.0, 480.0))
     '10 ± 480'
     """
-    value, std_error = value / size, None if std_error is None else std_error / size
-    ci95 = None if ci95 is None else (ci95[0] / size, ci95[1] / size)
+    value, std_error = (value - zero) / size, None if std_error is None else std_error / size
+    ci95 = None if ci95 is None else ((ci95[0] - zero) / size, (ci95[1] - zero) / size)
     error = _error_of(value, std_error, ci95)
     if not math.isfinite(value) or not error:
         limits = ("", "") if ci95 is None else (plain(ci95[0]), plain(ci95[1]))
@@ -124,6 +126,20 @@ def reading(
     shown_error = text(error) if kept == decimals else plain(error, 2)
     low, high = ("", "") if ci95 is None else (text(ci95[0]), text(ci95[1]))
     return Reading(text(value), "" if std_error is None else shown_error, low, high)
+
+
+def alike(values: Sequence[float]) -> list[str] | None:
+    """Write numbers without errors to the same decimals, four significant digits in the largest and more in none.
+
+    None where they differ too much in size for that.
+    """
+    sizes = [abs(value) for value in values if value != 0]
+    if len(sizes) < 2 or max(sizes) >= _SAME_DECIMALS_WITHIN * min(sizes) or not 1e-3 <= min(sizes) < 1e6:
+        return None
+    decimals = max(min(_WITHOUT_ERROR - 1 - math.floor(math.log10(size)) for size in sizes), 0)
+    while decimals and all(math.isclose(round(value, decimals - 1), round(value, decimals)) for value in values):
+        decimals -= 1
+    return [fixed(value, decimals) for value in values]
 
 
 def _parts(text: str) -> tuple[str, str]:

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from pipeline.errors import counted
 from pipeline.findings import Findings
 from pipeline.report.accounts import quality_counts
 from pipeline.report.chapters import chapters
 from pipeline.report.citation import citation
 from pipeline.report.palette import css_variables
-from pipeline.report.words import harmless
+from pipeline.report.words import clean, harmless, shortened
 from pipeline.rigs.experiment import Experiment
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+_LONGEST_NAME = 30.0  # of a log, in widths of an m
 VERDICTS = {
     "ok": ("OK", "The numbers below can be used with the intervals given."),
     "warning": ("Warning", "The numbers below can be used, with reservations."),
@@ -38,13 +40,14 @@ def render_report(findings: Findings, experiment: Experiment, title: str, comman
     experiment
         The declaration of the experiment that the findings are of.
     title
-        Heading of the report; the campaign's name where empty.
+        Heading of the report; the experiment's title where empty. The logs are named below it.
     command
         What was typed to get here, shown for whoever repeats it.
     """
     return page(
         "report.html.j2",
-        title=title or findings.campaign,
+        title=title or experiment.title,
+        logs=_logs(findings),
         findings=findings,
         experiment=experiment,
         source=citation(experiment.references[0]) if experiment.references else "",
@@ -81,13 +84,20 @@ def _style() -> Markup:
     return Markup(f":root{{{light}}}\n@media screen and (prefers-color-scheme:dark){{:root{{{dark}}}}}\n{rules}")
 
 
+def _logs(findings: Findings) -> str:
+    """Name the logs: one or two by their names, more by their number, the first and the last."""
+    files = (PurePath(clean(path)).name for run in findings.runs for path in run.files)
+    names = list(dict.fromkeys(shortened(name, _LONGEST_NAME, 1.0) for name in files))
+    return " and ".join(names) if len(names) < 3 else f"{len(names)} logs, {names[0]} to {names[-1]}"
+
+
 def _facts(findings: Findings) -> list[str]:
     """Return what a glance should tell: how many runs, how many of them used, what the data's quality was."""
     used = sum(run.used for run in findings.runs)
-    runs = f"{len(findings.runs)} run{'s' * (len(findings.runs) != 1)}"
+    runs = counted(len(findings.runs), "run")
     undetermined = sum(parameter.value is None for parameter in findings.parameters)
     facts = [f"{runs}, {'all' if used == len(findings.runs) else used} used" if findings.runs else "no run is listed"]
-    noticed = [f"{n} {level}{'s' * (n != 1)}" for level, n in quality_counts(findings.quality).items() if n]
+    noticed = [counted(n, level) for level, n in quality_counts(findings.quality).items() if n]
     facts += [f"{', '.join(noticed)} on the data"] if noticed else []
     facts += [f"{undetermined} of {len(findings.parameters)} parameters not determined"] if undetermined else []
     return facts

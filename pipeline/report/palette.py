@@ -7,7 +7,7 @@ other by hue and lightness also for colour-blind eyes; markers and direct labels
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.findings.figures import Role
 
@@ -19,7 +19,10 @@ GRID = ("#dfe3e8", "#333a45")
 
 @dataclass(frozen=True)
 class Style:
-    """A role's look: CSS variable, colour on light and on dark, matplotlib marker, its SVG path, line width."""
+    """A role's look: CSS variable, colour on light and on dark, matplotlib marker, its SVG path, line width.
+
+    `hollow` markers and dashed lines tell the ninth to sixteenth series from the first eight.
+    """
 
     variable: str
     light: str
@@ -27,6 +30,7 @@ class Style:
     marker: str
     marker_path: str
     width: float = 1.6
+    hollow: bool = False
 
 
 # Paths fill a square from -4 to 4.
@@ -64,8 +68,11 @@ _SERIES = tuple(
 
 
 def style(role: Role) -> Style:
-    """Return the look of a role; series repeat after eight."""
-    return _SERIES[role % len(_SERIES)] if isinstance(role, int) else _ROLES[role]
+    """Return the look of a role; series repeat after eight with hollow markers, after sixteen as they are."""
+    if not isinstance(role, int):
+        return _ROLES[role]
+    look = _SERIES[role % len(_SERIES)]
+    return replace(look, hollow=True) if role // len(_SERIES) % 2 else look
 
 
 def all_styles() -> tuple[Style, ...]:

@@ -19,6 +19,7 @@ from pipeline.report.heat_map import draw_matrix
 from pipeline.report.marks import draw_marks
 from pipeline.report.palette import GRID, INK, QUIET, style
 from pipeline.report.scale import Scale, extent
+from pipeline.report.spoken import spoken, spoken_title
 from pipeline.report.svg import inline
 from pipeline.report.words import clean, shortened, text_width, wrapped
 
@@ -102,7 +103,7 @@ def draw_panel(panel: Panel, x: Scale, y: Scale, frame: Frame, ends: Mapping[str
         place = 1 + (7 + line * 1.25 * frame.font) / inner[1]
         axes.text(-(frame.left - 4) / inner[0], place, text, transform=axes.transAxes, ha="left", va="bottom",
                   fontsize=frame.font + 0.5, fontweight="bold")  # fmt: skip
-    return inline(_svg(figure, salt))
+    return inline(_svg(figure, salt), spoken_title(panel), spoken(panel, x, y), f"panel-{salt[:16]}")
 
 
 def draw_thumbnail(panel: Panel, x: Scale, y: Scale, width: float, height: float, salt: str) -> Markup:

@@ -6,6 +6,8 @@ frequency, run) share a table with one row an operating point and one column a p
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Sequence
 
 from markupsafe import Markup
@@ -22,6 +24,7 @@ from pipeline.rigs.experiment import Experiment
 # A key parameter with more operating points than that is summed up by its range.
 _MOST_KEY_ROWS = 6
 _UNDETERMINED = "not determined"
+_SAID_ALREADY = re.compile(rf"^(?:[^:;,]{{0,40}} (?:is|are) )?{_UNDETERMINED}(?:[:;,] |$)")
 
 
 def symbol_of(parameter: Parameter) -> Markup:
@@ -30,9 +33,12 @@ def symbol_of(parameter: Parameter) -> Markup:
 
 
 def unit_of_condition(experiment: Experiment, name: str) -> str:
-    """Return the SI unit of a condition or channel, '' for text and for what the experiment does not declare."""
+    """Return the SI unit of a condition or channel, '' for text and for what the experiment does not declare.
+
+    A temperature there is an absolute one: it is read in degrees Celsius.
+    """
     spec = experiment.condition(name) or experiment.channel(name)
-    return spec.unit if spec else ""
+    return "" if spec is None else "degC" if spec.unit == "K" else spec.unit
 
 
 def place_of(parameter: Parameter, experiment: Experiment) -> str:
@@ -50,7 +56,7 @@ def condition_text(value: float | str | bool, unit: str) -> str:
     if isinstance(value, str):
         return clean(value)
     shown = reading_unit(unit or "1", abs(value))
-    return f"{plain(value / shown.size)} {shown.name}".strip()
+    return f"{plain(shown.read(value))} {shown.name}".strip()
 
 
 def key_parameters(findings: Findings, experiment: Experiment) -> list[list[Parameter]]:
@@ -102,9 +108,16 @@ def _meaning(parameter: Parameter, experiment: Experiment) -> str:
     spec = next((spec for spec in experiment.parameters if spec.name == parameter.name), None)
     declared = spec.description if spec else ""
     if parameter.value is None:
-        reason = clean(parameter.description).rstrip(".")
-        return f"{clean(declared)}; {_UNDETERMINED}: {reason}." if declared else f"{_UNDETERMINED}: {reason}."
+        return "; ".join(filter(None, (clean(declared), _reason(parameter, declared))))
     return clean(parameter.description) or clean(declared)
+
+
+def _reason(parameter: Parameter, declared: str) -> str:
+    """Return why there is no value, without what stands beside it anyway: what it is, and that it is not determined."""
+    reason = clean(parameter.description).rstrip(".")
+    if declared and reason.lower().startswith(clean(declared).lower()):
+        reason = reason[len(clean(declared)) :].lstrip(" ;:,")
+    return _SAID_ALREADY.sub("", reason)
 
 
 def _range_row(parameters: Sequence[Parameter], experiment: Experiment) -> tuple[Shown, Reading | None, str]:
@@ -112,7 +125,7 @@ def _range_row(parameters: Sequence[Parameter], experiment: Experiment) -> tuple
     known = [parameter for parameter in parameters if parameter.value is not None]
     if not known:
         return Shown(symbol_of(parameters[0]), _meaning(parameters[0], experiment)), None, unit.name
-    values = [(parameter.value or 0.0) / unit.size for parameter in known]
+    values = [unit.read(parameter.value or 0.0) for parameter in known]
     about = f"{_meaning(known[0], experiment)}; range over {len(known)} operating points, see All parameters"
     return (
         Shown(symbol_of(known[0]), about),
@@ -193,10 +206,10 @@ def _about(parameters: Sequence[Parameter], name: str, experiment: Experiment) -
     spec = next((spec for spec in experiment.parameters if spec.name == name), None)
     known = next((p.description for p in same if p.value is not None and p.description), "")
     parts = [clean(spec.description if spec else known), clean(same[0].source)]
-    reasons = dict.fromkeys(clean(p.description).rstrip(".") for p in same if p.value is None)
-    for reason in reasons:
-        count = sum(p.value is None and clean(p.description).rstrip(".") == reason for p in same)
-        parts.append(f"{_UNDETERMINED} in {count} of {len(same)}: {reason}")
+    reasons = Counter(_reason(p, spec.description if spec else "") for p in same if p.value is None)
+    for reason, count in reasons.items():
+        told = _UNDETERMINED if len(same) == 1 else f"{_UNDETERMINED} in {count} of {len(same)}"
+        parts.append(f"{told}: {reason}" if reason else told)
     return "; ".join(filter(None, parts)) + "."
 
 

@@ -45,10 +45,15 @@ _LADDERS: dict[str, tuple[tuple[str, float, float], ...]] = {
 
 @dataclass(frozen=True)
 class ReadingUnit:
-    """A unit as shown: `name` ('' for ratios) and its `size` in SI; shown number = SI / size."""
+    """A unit as shown: `name` ('' for ratios), its `size` in SI and the SI value of its `zero`."""
 
     name: str
     size: float = 1.0
+    zero: float = 0.0
+
+    def read(self, si: float) -> float:
+        """Return an SI number as it is read."""
+        return (si - self.zero) / self.size
 
     def heading(self, label: str) -> str:
         """Return the label with the unit in brackets; ratios show none."""
@@ -56,6 +61,7 @@ class ReadingUnit:
 
 
 PERCENT = ReadingUnit("%", 0.01)
+CELSIUS = ReadingUnit("°C", 1.0, 273.15)
 
 
 def spelt(si_unit: str) -> str:
@@ -88,7 +94,8 @@ def reading_unit(si_unit: str, magnitude: float) -> ReadingUnit:
     Parameters
     ----------
     si_unit
-        SI unit as declared: ``N/m``, ``N s/m``, ``1``; ``%`` for a ratio that is read in percent.
+        SI unit as declared: ``N/m``, ``N s/m``, ``1``; ``%`` for a ratio that is read in percent, ``degC`` for
+        an absolute temperature in K that is read in degrees Celsius.
     magnitude
         Typical size; zero or not finite gives the plain SI unit.
 
@@ -101,6 +108,8 @@ def reading_unit(si_unit: str, magnitude: float) -> ReadingUnit:
     """
     if si_unit == "%":
         return PERCENT
+    if si_unit == "degC":
+        return CELSIUS
     if not (math.isfinite(magnitude) and magnitude > 0):
         return ReadingUnit("" if si_unit == "1" else spelt(si_unit))
     ladder = _ladder(si_unit)

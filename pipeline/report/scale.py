@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.findings.figures import Axis, Band, Line, Mark, Points, Rule
+from pipeline.findings.figures import Axis, Band, Line, Mark, Outline, Points, Rule, Stems
 from pipeline.report.numbers import MINUS, fixed
 from pipeline.report.reading_units import ReadingUnit, power_of_ten, reading_unit
 
@@ -28,7 +28,7 @@ class Scale:
 
     def shown(self, si: object) -> np.ndarray:
         """Return SI numbers in the unit for reading; what a logarithmic axis cannot show becomes NaN."""
-        values = np.asarray(si, dtype=float) / self.unit.size
+        values = (np.asarray(si, dtype=float) - self.unit.zero) / self.unit.size
         return np.where(values > 0, values, np.nan) if self.log else values
 
     def fraction(self, value: float) -> float:
@@ -48,8 +48,8 @@ class Scale:
 
     def read_in(self, unit: ReadingUnit) -> Scale:
         """Return the same scale in another unit of the same kind."""
-        factor = self.unit.size / unit.size
-        return replace(self, unit=unit, low=self.low * factor, high=self.high * factor)
+        low, high = (unit.read(at * self.unit.size + self.unit.zero) for at in (self.low, self.high))
+        return replace(self, unit=unit, low=low, high=high)
 
     def widened(self, low: float, high: float) -> Scale:
         """Return the same scale with other limits (unit for reading)."""
@@ -58,12 +58,14 @@ class Scale:
 
 def coordinates(mark: Mark, axis: str) -> list[np.ndarray]:
     """Return the SI numbers of a mark along ``"x"`` or ``"y"``; a heat map has none."""
-    if isinstance(mark, Line | Points) and axis == "x":
-        return [np.asarray(mark.x, float)]
-    if isinstance(mark, Line):
-        return [np.asarray(mark.y, float)]
+    if isinstance(mark, Line | Outline):
+        return [np.asarray(mark.x if axis == "x" else mark.y, float)]
     if isinstance(mark, Points):
-        return [np.asarray(values, float) for values in (mark.y, mark.low, mark.high) if values is not None]
+        all_of_them = (mark.x, mark.left, mark.right) if axis == "x" else (mark.y, mark.low, mark.high)
+        return [np.asarray(values, float) for values in all_of_them if values is not None]
+    if isinstance(mark, Stems):
+        x, half = np.asarray(mark.x, float), (mark.width or 0.0) / 2
+        return [x - half, x + half] if axis == "x" else [np.asarray(mark.y, float), np.array([mark.base])]
     if isinstance(mark, Band):
         return [np.asarray(values, float) for values in ((mark.x,) if axis == "x" else (mark.low, mark.high))]
     if isinstance(mark, Rule):
@@ -96,7 +98,7 @@ def scale(axis: Axis, unit: ReadingUnit, limits: tuple[float, float] | None) -> 
     """Return the scale of an axis for data between `limits` (SI), with a margin."""
     log = axis.scale == "log"
     low, high = limits if limits else ((1.0, 10.0) if log else (0.0, 1.0))
-    low, high = low / unit.size, high / unit.size
+    low, high = unit.read(low), unit.read(high)
     if log:
         step = max(_MARGIN * math.log10(high / low), 0.02) if high > low else 0.2
         return Scale(axis.label, unit, True, low / 10**step, high * 10**step)

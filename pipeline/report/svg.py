@@ -17,17 +17,26 @@ _DROPPED_STYLES = ("font-family", "stroke-linejoin", "stroke-linecap", "font-sty
 _NUMBER = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
 
 
-def inline(svg: str) -> Markup:
-    """Return the drawing as an ``<svg class="panel">`` that scales with its box and is silent to screen readers.
+def inline(svg: str, title: str = "", description: str = "", name: str = "") -> Markup:
+    """Return the drawing as an ``<svg class="panel">`` that scales with its box.
 
-    The figure around it carries the alternative text. Ids of groups are dropped; those that are
-    referred to depend on ``svg.hashsalt``, which the caller sets to something unique in the page.
+    With a `title` it is an image with that name and `description`, under ids made of `name`, which is
+    unique in the page; without, it is silent to screen readers. Ids of groups are dropped; those that
+    are referred to depend on ``svg.hashsalt``, which the caller sets to something unique as well.
     """
     root = ElementTree.fromstring(svg)
     view = root.get("viewBox", "")
     _strip(root)
     _lighten(root)
-    root.attrib = {"class": "panel", "viewBox": view, "aria-hidden": "true", "focusable": "false"}
+    root.attrib = {"class": "panel", "viewBox": view, "focusable": "false"}
+    if title:
+        root.attrib |= {"role": "img", "aria-labelledby": f"{name}-title", "aria-describedby": f"{name}-desc"}
+        for place, (tag, text) in enumerate((("title", title), ("desc", description))):
+            told = ElementTree.Element(tag, {"id": f"{name}-{tag}"})
+            told.text = text
+            root.insert(place, told)
+    else:
+        root.attrib["aria-hidden"] = "true"
     return Markup(ElementTree.tostring(root, encoding="unicode"))
 
 

@@ -9,8 +9,8 @@ from typing import ClassVar
 
 from markupsafe import Markup
 
-from pipeline.findings.figures import Cell, Column, Table, Value
-from pipeline.report.numbers import THIN, Reading, aligned_readings, reading
+from pipeline.findings.figures import Cell, Column, Status, Table, Value
+from pipeline.report.numbers import THIN, Reading, aligned_readings, alike, reading
 from pipeline.report.reading_units import ReadingUnit, reading_unit, size_of, typical
 from pipeline.report.words import clean
 
@@ -109,7 +109,7 @@ def _column(column: Column, cells: Sequence[Cell]) -> tuple[Head, list[Shown]]:
         texts = [f"{cell:,}".replace(",", THIN) if _counts(cell) else _words(cell).text for cell in cells]
         return Head(_text(column.heading), "", True), [Shown(text, kind="number") for text in texts]
     unit = column_unit(column, cells)
-    readings = [_reading(cell, unit) for cell in cells]
+    readings = _of_same_decimals([_reading(cell, unit) for cell in cells], cells, unit)
     texts = aligned_readings(readings)
     shown = []
     for cell, found, text in zip(cells, readings, texts, strict=True):
@@ -122,19 +122,41 @@ def _column(column: Column, cells: Sequence[Cell]) -> tuple[Head, list[Shown]]:
     return Head(_text(column.heading), unit.name, True), shown
 
 
+def _of_same_decimals(
+    readings: Sequence[Reading | None], cells: Sequence[Cell], unit: ReadingUnit
+) -> list[Reading | None]:
+    """Return the readings of a column; where none has an error, with the same decimals if they are of like size."""
+    values = [cell.value if isinstance(cell, Value) else cell for cell in cells]
+    known = [
+        unit.read(float(v)) for v, found in zip(values, readings, strict=True) if found and isinstance(v, int | float)
+    ]
+    texts = None if any(found and (found.error or found.low) for found in readings) else alike(known)
+    if texts is None:
+        return list(readings)
+    in_turn = iter(texts)
+    return [Reading(next(in_turn)) if found else None for found in readings]
+
+
 def _counts(cell: Cell) -> bool:
     return isinstance(cell, int) and not isinstance(cell, bool)
 
 
 def _reading(cell: Cell, unit: ReadingUnit) -> Reading | None:
     if isinstance(cell, Value):
-        return None if cell.value is None else reading(cell.value, cell.std_error, cell.ci95, unit.size)
+        return None if cell.value is None else reading(cell.value, cell.std_error, cell.ci95, unit.size, unit.zero)
     if isinstance(cell, int | float) and not isinstance(cell, bool) and math.isfinite(cell):
-        return reading(float(cell), size=unit.size)
+        return reading(float(cell), size=unit.size, zero=unit.zero)
     return None
 
 
+def badge(status: Status) -> Markup:
+    """Return a coloured word; the word says it, the colour repeats it."""
+    return Markup('<span class="badge {}">{}</span>').format(status.mood, clean(status.word))
+
+
 def _words(cell: Cell) -> Shown:
+    if isinstance(cell, Status):
+        return Shown(badge(cell))
     if isinstance(cell, Value):
         return Shown(NOTHING, clean(cell.note))
     if isinstance(cell, bool):

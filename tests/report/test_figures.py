@@ -302,7 +302,7 @@ def test_colours_of_the_drawing_follow_the_page(drawn_figures):
 def test_a_text_that_looks_like_a_style_is_left_alone():
     svg = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><text style="fill: #0067a5">fill: #0067a5</text></svg>'
     assert inline(svg) == (
-        '<svg class="panel" viewBox="0 0 9 9" aria-hidden="true" focusable="false">'
+        '<svg class="panel" viewBox="0 0 9 9" focusable="false" aria-hidden="true">'
         '<text style="fill:var(--measured)">fill: #0067a5</text></svg>'
     )
 

@@ -17,10 +17,11 @@ from dataclasses import dataclass, field
 from pipeline.errors import listing
 from pipeline.findings import Verdict
 from pipeline.rigs.mre.dynamic_fit import DynamicFit
-from pipeline.rigs.mre.loop import group_levels
 from pipeline.rigs.mre.shear_sorted import SortedRuns
 from pipeline.rigs.mre.time_fit import TimeFit
 
+# Runs whose largest and smallest are closer than these ratios count as one amplitude, one frequency.
+_ONE_AMPLITUDE, _ONE_FREQUENCY = 1.25, 1.1
 _RUNS_TOLD = 4  # left out; beyond it only the first is told with its reason
 # Share of the force that the fit of the first half may miss in the second.
 PREDICTION_REJECTED, PREDICTION_WARNED = 0.2, 0.05
@@ -110,10 +111,9 @@ def _design_advice(fit: DynamicFit) -> list[str]:
     """Say which runs would separate what is not separated (mre.md design rules)."""
     advice = []
     amplitudes = [loop.amplitude for loop in fit.loops]
-    _, different = group_levels(amplitudes, 0.1 * max(amplitudes))
-    _, frequencies = group_levels([loop.frequency for loop in fit.loops], 0.2)
-    if len(different) < 2:
-        shown = 1e3 * amplitudes[0]
+    frequencies = [loop.frequency for loop in fit.loops]
+    if max(amplitudes) < _ONE_AMPLITUDE * min(amplitudes):
+        shown = 1e3 * sorted(amplitudes)[len(amplitudes) // 2]
         advice.append(
             f"Add runs at other amplitudes than {shown:.3g} mm, some {shown / 3:.2g} mm and some {shown * 2:.2g} mm: "
             "one amplitude does not separate k2 from a_BW rho, nor C and n."
@@ -124,8 +124,8 @@ def _design_advice(fit: DynamicFit) -> list[str]:
             advice.append(f"Add a small amplitude, below {1e3 / rho:.2g} mm (1/rho).")
         if rho is not None and max(amplitudes) * rho < 1.5:
             advice.append(f"Add a large amplitude, above {1.5e3 / rho:.2g} mm (1.5/rho).")
-    if len(frequencies) < 2:
-        f = frequencies[0]
+    if max(frequencies) < _ONE_FREQUENCY * min(frequencies):
+        f = sorted(frequencies)[len(frequencies) // 2]
         advice.append(
             f"Add a run at {f / 5:.2g} Hz and one at {f * 3:.2g} Hz: one frequency does not separate k1 from k2."
         )
