@@ -38,7 +38,7 @@ class Conditions:
 
 
 def of_run(
-    run: str, recipe: Recipe, table: RunsTable | None, metadata: Mapping[str, str], file_name: str
+    run: str, recipe: Recipe, table: RunsTable | None, metadata: Mapping[str, str], file_names: Sequence[str]
 ) -> Conditions:
     """Gather the conditions of one run.
 
@@ -46,8 +46,8 @@ def of_run(
     ----------
     metadata
         What the log says of itself, as text: ``{"static_load": "52 kN"}``.
-    file_name
-        The log's name, for the recipe's pattern.
+    file_names
+        The names of the run's files: `runs.csv` may call it by any of them, the recipe's pattern is for the first.
 
     Raises
     ------
@@ -58,9 +58,9 @@ def of_run(
     specs = (*recipe.experiment.conditions, SYNTHETIC)
     notes: list[QualityFinding] = []
     places = [
-        ("runs.csv", table.conditions(run) if table else {}),
+        ("runs.csv", table.conditions(run, file_names) if table else {}),
         ("the log", _from_log(metadata, specs, notes)),
-        ("the file name", _from_file_name(recipe, file_name, notes)),
+        ("the file name", _from_file_name(recipe, file_names[0], notes)),
         ("the recipe", dict(recipe.conditions)),
     ]
     values: dict[str, Condition] = {}
@@ -86,17 +86,32 @@ def of_run(
     return Conditions(values, sources, tuple(notes))
 
 
-def condition_value(value: Condition, unit: str, where: str) -> Condition:
-    """Turn a condition as written (``6 A``, ``0.4``, ``true``) into SI; text conditions (unit '') stay as they are.
+def condition_value(value: Condition | int, spec: ConditionSpec, where: str) -> Condition:
+    """Turn a condition as written (``6 A``, ``0.4``, ``true``) into SI; text conditions stay words.
 
     Raises
     ------
     InputError
-        Where a number is expected and there is none, or its unit is wrong.
+        Where a number is expected and there is none, its unit is wrong, or it is outside the range that
+        the experiment declares.
     """
-    if unit == "" or isinstance(value, bool):
-        return value
-    return quantity(value, unit, where)
+    if spec.unit == "":
+        return value if isinstance(value, bool) else str(value)
+    if isinstance(value, bool):
+        raise InputError(f"{where}: is {str(value).lower()}, expected is a number{_in(spec)}: {spec.description}.")
+    number = quantity(value, spec.unit, where)
+    if number not in spec.range:
+        taken = _shown(number, spec.unit if spec.unit != "1" else "")
+        as_si = f" (taken as {taken})" if str(value) != taken else ""
+        raise InputError(
+            f"{where}: '{value}'{as_si} cannot be. It is: {spec.description}; plausible is {spec.range.told(spec.unit)}. "
+            f"Mend the number{' or its unit' if spec.unit != '1' else ''}."
+        )
+    return number
+
+
+def _in(spec: ConditionSpec) -> str:
+    return f" in {spec.unit}" if spec.unit not in ("", "1") else ""
 
 
 def spec_for(name: str, specs: Iterable[ConditionSpec]) -> ConditionSpec | None:
@@ -112,7 +127,7 @@ def value_of(text: str, unit: str | None, spec: ConditionSpec, where: str) -> Co
         low = text.lower()
         return True if low in _TRUE else False if low in _FALSE else text
     bare = re.fullmatch(r"[-+]?[\d.,]+(?:[eE][-+]?\d+)?", text)
-    return condition_value(f"{text} {unit}" if bare and unit else text, spec.unit, where)
+    return condition_value(f"{text} {unit}" if bare and unit else text, spec, where)
 
 
 def _from_log(
@@ -161,12 +176,16 @@ def name_pattern(recipe: Recipe) -> tuple[re.Pattern[str], dict[str, str | None]
     Raises
     ------
     InputError
-        If a placeholder is no condition of the experiment.
+        If a placeholder is no condition of the experiment, or there is none.
     """
     known = [spec.name for spec in recipe.experiment.conditions]
     expression, units = "", dict[str, str | None]()
     text = recipe.file_name or ""
     parts = re.split(r"\{(\w*)(?::([^}]*))?\}", text)
+    if len(parts) == 1:
+        raise InputError(
+            f"{recipe.path}: file_name: '{text}' names no condition; write one in braces, as 'run_{{{known[0] if known else ''}}}'."
+        )
     expression += re.escape(parts[0])
     for name, unit, literal in zip(parts[1::3], parts[2::3], parts[3::3], strict=True):
         spec = recipe.experiment.condition(name)

@@ -8,20 +8,22 @@ import platform
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pipeline import __version__
 from pipeline.campaign.conditions import SYNTHETIC
 from pipeline.campaign.ingest_stage import Ingested
 from pipeline.campaign.recipe import Recipe
-from pipeline.errors import InputError
+from pipeline.errors import InputError, counted, listing
 from pipeline.findings import Findings, Parameter, Quality, Run
 from pipeline.findings.storage import write
+from pipeline.findings.together import together
 from pipeline.recording import QualityFinding, Recording
 from pipeline.recording.storage import whole_or_not
 from pipeline.rigs.experiment import Context
 
 LIBRARIES = ("numpy", "scipy", "numba", "lmfit", "pandas", "pyarrow")
+_TOLD = 3  # logs left out that are told with their reasons
 _ORDER = {"error": 0, "warning": 1, "note": 2}
 
 
@@ -34,14 +36,15 @@ def identify(campaign: str, recipe: Recipe, ingested: Ingested, uses: Mapping[st
         If nothing can be identified; earlier findings stay as they are then.
     """
     recordings = ingested.recordings()
-    context = Context(campaign, uses)
-    found = recipe.experiment.identify(recordings, recipe.settings, context)
-    noticed = [*ingested.quality, *(finding for recording in recordings for finding in _of_run(recording))]
+    told = [_told(recording) for recording in recordings]
+    found = recipe.experiment.identify(recordings, recipe.settings, Context(campaign, uses))
+    noticed = [*ingested.quality, *(finding for entry in told for finding in entry.quality)]
     quality = _merged([*(_quality(finding) for finding in noticed), *found.quality])
-    verdict, reasons = _with_quality(found, quality)
-    made_up = sum(recording.conditions.get(SYNTHETIC.name) is True for recording in recordings)
+    runs = _runs(told, found, ingested)
+    verdict, reasons = _with_quality(found, quality, ingested)
+    made_up = sum(entry.run.conditions.get(SYNTHETIC.name) is True for entry in told)
     if made_up:
-        which = "All" if made_up == len(recordings) else f"{made_up} of the {len(recordings)}"
+        which = "All" if made_up == len(told) else f"{made_up} of the {len(told)}"
         reasons = [f"{which} logs come from a synthetic rig: nothing in them was measured.", *reasons]
     findings = found.model_copy(
         update={
@@ -49,18 +52,39 @@ def identify(campaign: str, recipe: Recipe, ingested: Ingested, uses: Mapping[st
             "verdict": verdict,
             "reasons": reasons,
             "quality": quality,
-            "runs": _runs(recordings, found, ingested),
+            "runs": runs,
             "settings": recipe.settings.model_dump(mode="json"),
-            "provenance": _provenance(recipe, recordings),
+            "provenance": _provenance(recipe, runs),
         }
     )
     undeclared = {p.name for p in findings.parameters} - {spec.name for spec in recipe.experiment.parameters}
     if undeclared:
         raise LookupError(f"{recipe.experiment.id} yields parameters that it does not declare: {sorted(undeclared)}")
-    write_plots(findings, folder / "plots")
-    write_metrics(findings, folder / "metrics.json")
-    write(findings, folder)
+    with together(folder) as fresh:
+        write_plots(findings, fresh / "plots")
+        write_metrics(findings, fresh / "metrics.json")
+        write(findings, fresh)
     return findings
+
+
+class _Told(NamedTuple):
+    """What a recording tells of itself besides its samples."""
+
+    run: Run
+    quality: list[QualityFinding]
+
+
+def _told(recording: Recording) -> _Told:
+    run = Run(
+        run=recording.run,
+        conditions=dict(recording.conditions),
+        files=[source.path for source in recording.provenance.files],
+        sha256=[source.sha256 for source in recording.provenance.files],
+        duration=max((stream.duration for stream in recording.streams.values()), default=0.0),
+        n_samples=sum(stream.time.size for stream in recording.streams.values()),
+        repairs=list(recording.provenance.repairs),
+    )
+    return _Told(run, _of_run(recording))
 
 
 def _of_run(recording: Recording) -> list[QualityFinding]:
@@ -79,47 +103,50 @@ def _merged(quality: list[Quality]) -> list[Quality]:
     return sorted(unique.values(), key=lambda q: _ORDER[q.level])
 
 
-def _with_quality(found: Findings, quality: list[Quality]) -> tuple[str, list[str]]:
-    """Let no campaign pass as ok whose data carry a warning."""
-    grave = [q for q in quality if q.level != "note" and q not in found.quality]
-    if not grave or found.verdict != "ok":
-        return found.verdict, found.reasons
-    first = f"run {grave[0].run}: {grave[0].message}" if grave[0].run else grave[0].message
-    more = f" ({len(grave) - 1} more below)" if len(grave) > 1 else ""
-    return "warning", [*found.reasons, f"The data carry warnings: {first}{more}"]
+def _with_quality(found: Findings, quality: list[Quality], ingested: Ingested) -> tuple[str, list[str]]:
+    """Let no campaign pass as ok whose data carry a warning, and name every log that ingest left out."""
+    left_out = {q.run: q.message for q in ingested.quality if q.level == "error" and q.run is not None}
+    grave = [q for q in quality if q.level != "note" and q not in found.quality and q.run not in left_out]
+    reasons = [*found.reasons, *_left_out(left_out)]
+    if grave and found.verdict == "ok":
+        first = f"run {grave[0].run}: {grave[0].message}" if grave[0].run else grave[0].message
+        more = f" ({len(grave) - 1} more below)" if len(grave) > 1 else ""
+        reasons.append(f"The data carry warnings: {first}{more}")
+    verdict = "warning" if found.verdict == "ok" and (grave or left_out) else found.verdict
+    return verdict, reasons
 
 
-def _runs(recordings: list[Recording], found: Findings, ingested: Ingested) -> list[Run]:
-    told = {run.run: run for run in found.runs}
+def _left_out(messages: Mapping[str, str]) -> list[str]:
+    """Name the logs that could not be read: few with their reasons, of many only the first with it."""
+    runs = list(messages)
+    shown = runs if len(runs) <= _TOLD else runs[:1]
+    said = [f"Run {run} is {messages[run]}" for run in shown]
+    if len(runs) > len(shown):
+        others = listing(runs[1:], 8)
+        said.append(f"{counted(len(runs) - 1, 'more log')} cannot be read either, see the quality findings: {others}.")
+    return said
+
+
+def _runs(told: list[_Told], found: Findings, ingested: Ingested) -> list[Run]:
+    opinions = {run.run: run for run in found.runs}
     runs = []
-    for recording in recordings:
-        opinion = told.get(recording.run)
-        runs.append(
-            Run(
-                run=recording.run,
-                used=opinion.used if opinion else True,
-                reason=opinion.reason if opinion else "",
-                conditions=dict(recording.conditions),
-                files=[source.path for source in recording.provenance.files],
-                sha256=[source.sha256 for source in recording.provenance.files],
-                duration=max((stream.duration for stream in recording.streams.values()), default=0.0),
-                n_samples=sum(stream.time.size for stream in recording.streams.values()),
-                repairs=list(recording.provenance.repairs),
-            )
-        )
+    for entry in told:
+        opinion = opinions.get(entry.run.run)
+        update = {"used": opinion.used, "reason": opinion.reason} if opinion else {}
+        runs.append(entry.run.model_copy(update=update))
     known = {run.run for run in runs}
     left_out = [q for q in ingested.quality if q.run is not None and q.run not in known]
     return runs + [Run(run=q.run, used=False, reason=q.message) for q in left_out if q.run]
 
 
-def _provenance(recipe: Recipe, recordings: list[Recording]) -> dict[str, Any]:
+def _provenance(recipe: Recipe, runs: list[Run]) -> dict[str, Any]:
     return {
         "rigfit": __version__,
         "python": platform.python_version(),
         "libraries": {name: version(name) for name in LIBRARIES},
         "recipe": recipe.path,
         "recipe_sha256": recipe.digest,
-        "logs": {source.path: source.sha256 for r in recordings for source in r.provenance.files},
+        "logs": {path: digest for run in runs for path, digest in zip(run.files, run.sha256, strict=True)},
     }
 
 

@@ -1,7 +1,7 @@
 """Logs + recipe -> recordings, incrementally: a log that was read already is not read again.
 
 A folder of recordings holds Parquet files and `manifest.json`, which is written last and says which
-files belong to which run, what they were made from, and which logs were left out and why.
+files belong to which run with their hashes, what they were made from, and which logs were left out and why.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 from pipeline import __version__
 from pipeline.campaign import conditions as run_conditions
@@ -19,7 +19,7 @@ from pipeline.campaign.logs import RunFiles
 from pipeline.campaign.parallel import in_parallel
 from pipeline.campaign.recipe import Recipe
 from pipeline.campaign.runs_table import RunsTable
-from pipeline.errors import InputError, listing
+from pipeline.errors import InputError, counted, listing, nearest
 from pipeline.ingest.ingest import VERSION, ingest_run
 from pipeline.ingest.registry import open_log, reader_for
 from pipeline.recording import QualityFinding, Recording
@@ -29,17 +29,51 @@ MANIFEST = "manifest.json"
 Progress = Callable[[str], None]
 
 
+class Recordings(Sequence[Recording]):
+    """Recordings on disk, each read when it is asked for and its samples when they are used.
+
+    Nothing is kept here: who goes through them once holds one run in memory.
+    """
+
+    def __init__(self, paths: Sequence[Sequence[Path]]) -> None:
+        self._paths = paths
+
+    @overload
+    def __getitem__(self, index: int) -> Recording: ...
+    @overload
+    def __getitem__(self, index: slice) -> Recordings: ...
+    def __getitem__(self, index: int | slice) -> Recording | Recordings:
+        if isinstance(index, slice):
+            return Recordings(self._paths[index])
+        return read(self._paths[index], lazily=True)
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+
 @dataclass(frozen=True)
 class Ingested:
-    """What a folder of recordings holds."""
+    """What a folder of recordings holds: by run, its files with their hashes."""
 
     folder: Path
-    files: Mapping[str, Sequence[str]]
+    files: Mapping[str, Mapping[str, str]]
     quality: Sequence[QualityFinding]
 
-    def recordings(self) -> list[Recording]:
-        """Read the recordings, in the order of the runs."""
-        return [read([self.folder / name for name in names]) for names in self.files.values()]
+    def recordings(self) -> Recordings:
+        """Return the recordings, in the order of the runs.
+
+        Raises
+        ------
+        InputError
+            If one is gone or not as it was written.
+        """
+        for run, files in self.files.items():
+            if names := _damaged(self.folder, files):
+                raise InputError(
+                    f"{self.folder / names[0]}: the recording of run '{run}' is damaged or gone, or was changed by another "
+                    f"program; run 'rigfit ingest {self.folder.name}', which reads that log again."
+                )
+        return Recordings([[self.folder / name for name in names] for names in self.files.values()])
 
 
 def ingest(
@@ -66,7 +100,8 @@ def ingest(
     Raises
     ------
     InputError
-        If no log at all can be read; nothing is changed then. Logs that cannot be read beside others
+        If no log at all can be read; nothing is changed then. A recording that is not as it was written is
+        made anew. Logs that cannot be read beside others
         that can are left out, which the result says as an error of that run.
     """
     before = {} if force else _manifest(folder).get("runs", {})
@@ -82,7 +117,7 @@ def ingest(
             failed[entry.run] = str(error)
             continue
         known = before.get(entry.run)
-        if known and known["key"] == task.key and all((folder / name).is_file() for name in known["files"]):
+        if known and known["key"] == task.key and not _damaged(folder, known["files"]):
             kept[entry.run] = known
             progress(entry.run)
         else:
@@ -115,7 +150,7 @@ def load(folder: Path) -> Ingested:
     """
     content = _manifest(folder)
     if not content:
-        raise InputError(f"{folder}: holds no recordings; run 'rigfit ingest' for this campaign first.")
+        raise InputError(f"{folder}: holds no recordings; run 'rigfit ingest {folder.name}' first.")
     quality = [
         QualityFinding(**{**entry, "span": tuple(entry["span"]) if entry["span"] else None})
         for entry in content["quality"]
@@ -143,8 +178,8 @@ def _prepare(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Pat
         versions.append(f"{reader.name}-{reader.version}")
         hashes.append(sha256_of(path))
         metadata.update(open_log(path).metadata)
-    first = entry.files[0][1].name
-    conditions = run_conditions.of_run(entry.run, recipe, table, metadata, first)
+    names = [path.name for _, path in entry.files]
+    conditions = run_conditions.of_run(entry.run, recipe, table, metadata, names)
     shown = {stream: _relative(path, base) for stream, path in entry.files}
     depends = {
         "version": [__version__, VERSION, *versions],
@@ -157,8 +192,8 @@ def _prepare(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Pat
     return _Task(entry.run, entry.files, shown, recipe, conditions, key)
 
 
-def _read_one(task: _Task, folder: Path) -> tuple[str, list[str] | str]:
-    """Read one run; return its files, or why it cannot be read."""
+def _read_one(task: _Task, folder: Path) -> tuple[str, dict[str, str] | str]:
+    """Read one run; return its files with their hashes, or why it cannot be read."""
     try:
         paths = ingest_run(
             task.run,
@@ -174,11 +209,18 @@ def _read_one(task: _Task, folder: Path) -> tuple[str, list[str] | str]:
         )
     except InputError as error:
         return task.run, str(error)
-    return task.run, [path.name for path in paths]
+    return task.run, {path.name: sha256_of(path) for path in paths}
+
+
+def _damaged(folder: Path, files: Mapping[str, str]) -> list[str]:
+    """Return which of the recordings are gone or not as they were written."""
+    return [
+        name for name, digest in files.items() if not (folder / name).is_file() or sha256_of(folder / name) != digest
+    ]
 
 
 def _campaign_notes(recipe: Recipe, runs: Sequence[RunFiles], table: RunsTable | None) -> list[QualityFinding]:
-    names = [entry.run for entry in runs]
+    names = {entry.run: [path.name for _, path in entry.files] for entry in runs}
     notes = list(table.notes) if table else []
     if table and (unknown := table.unknown(names)):
         notes.append(
@@ -191,7 +233,11 @@ def _campaign_notes(recipe: Recipe, runs: Sequence[RunFiles], table: RunsTable |
             notes.append(QualityFinding("note", f"left out by the recipe: {reason}", run))
         else:
             notes.append(
-                QualityFinding("warning", f"{recipe.path}: excludes '{run}', which is no run here: {listing(names)}.")
+                QualityFinding(
+                    "warning",
+                    f"{recipe.path}: excludes '{run}', which is no run here.{nearest(run, names)} "
+                    f"The runs are {listing(names)}.",
+                )
             )
     return notes
 
@@ -199,12 +245,16 @@ def _campaign_notes(recipe: Recipe, runs: Sequence[RunFiles], table: RunsTable |
 def _nothing(wanted: Sequence[RunFiles], failed: Mapping[str, str], recipe: Recipe) -> str:
     if not wanted:
         return f"{recipe.path}: every run is excluded; take at least one out of 'exclude'."
-    first = next(iter(failed.values()))
-    if len(failed) == 1:
-        return first
-    alike = sum(message == first for message in failed.values())
-    others = "the same holds" if alike == len(failed) else "none of the others can be read either"
-    return f"{first} ({len(failed)} logs were given; {others}.)"
+    (first, message), *others = failed.items()
+    if not others:
+        return message
+    alike = [run for run, other in others if other.replace(run, first) == message]
+    unlike = [(run, other) for run, other in others if run not in alike]
+    told = f" The same holds for {listing(alike, 8)}." if alike else ""
+    told += "".join(f" {other}" for _, other in unlike[:2])
+    if len(unlike) > 2:
+        told += f" {counted(len(unlike) - 2, 'more log')} cannot be read either: {listing((run for run, _ in unlike[2:]), 8)}."
+    return f"None of {len(failed)} logs can be read. {message}{told}"
 
 
 def _manifest(folder: Path) -> dict[str, Any]:
@@ -212,7 +262,10 @@ def _manifest(folder: Path) -> dict[str, Any]:
         content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return content if isinstance(content, dict) and {"runs", "quality"} <= content.keys() else {}
+    if not isinstance(content, dict) or not {"runs", "quality"} <= content.keys():
+        return {}
+    as_now = all(isinstance(entry.get("files"), dict) and "key" in entry for entry in content["runs"].values())
+    return content if as_now else {}
 
 
 def _sweep(folder: Path, keep: set[str]) -> None:

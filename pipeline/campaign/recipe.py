@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
 
 from pipeline.campaign import yaml_text
-from pipeline.campaign.conditions import condition_value
+from pipeline.campaign.conditions import condition_value, name_pattern
+from pipeline.campaign.recipe_faults import first_fault
 from pipeline.errors import InputError, listing, nearest
 from pipeline.ingest.mapping import ChannelMap
 from pipeline.recording import Condition
@@ -29,22 +31,49 @@ class _Entry(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+def _one_value(value: Any) -> Any:
+    if not isinstance(value, bool | int | float | str):
+        raise ValueError("one value: a number, a number with a unit such as '2 A', true or false, or text")
+    return value
+
+
+def _a_number(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise ValueError("a number")
+    return value
+
+
+def _sign(value: Any) -> Any:
+    return {"1": 1, "+1": 1, "-1": -1, "+": 1, "-": -1}.get(value, value) if isinstance(value, str) else value
+
+
+Scalar = Annotated[Any, BeforeValidator(_one_value)]
+Factor = Annotated[float, BeforeValidator(_a_number)]
+
+
 class ChannelEntry(_Entry):
     """How one canonical channel is found in the logs: ``force: {channel: "Load cell", unit: kN, sign: -1}``."""
 
     channel: str | None = None
     unit: str | None = None
-    sign: Literal[1, -1] = 1
-    scale: float = 1.0
-    offset: float = 0.0
+    sign: Annotated[Literal[1, -1], BeforeValidator(_sign)] = 1
+    scale: Factor = 1.0
+    offset: Factor = 0.0
     table: str | None = None
-    rate: str | float | None = None
+    rate: Scalar = None
+
+    @field_validator("scale")
+    @classmethod
+    def _scale_keeps_the_signal(cls, value: float) -> float:
+        if value == 0 or not math.isfinite(value):
+            raise ValueError("a factor other than 0: the logged number times it is in the channel's unit")
+        return value
 
 
 class SyntheticEntry(_Entry):
     """How the example campaign is made: seed, what of the rig's truth is changed, file formats in turn."""
 
-    seed: int = 1
+    seed: int = Field(1, ge=0)
     truth: dict[str, Any] = Field(default_factory=dict)
     formats: list[Literal["csv", "mcap"]] = ["csv"]
 
@@ -56,7 +85,7 @@ class RecipeFile(_Entry):
     title: str = ""
     description: str = ""
     channels: dict[str, ChannelEntry] = Field(default_factory=dict)
-    conditions: dict[str, bool | float | str] = Field(default_factory=dict)
+    conditions: dict[str, Scalar] = Field(default_factory=dict)
     file_name: str | None = None
     exclude: dict[str, str] = Field(default_factory=dict)
     settings: dict[str, Any] = Field(default_factory=dict)
@@ -123,7 +152,7 @@ def load(path: Path, experiment_id: str | None = None) -> Recipe:
     try:
         written = RecipeFile.model_validate(yaml_text.plain(content))
     except ValidationError as error:
-        raise InputError(_first_fault(error, content, str(path), RecipeFile)) from error
+        raise InputError(first_fault(error, content, str(path), RecipeFile)) from error
     if experiment_id is not None and written.experiment != experiment_id:
         raise InputError(
             f"{path} line {yaml_text.line_of(content, ['experiment'])}: this recipe is for "
@@ -144,7 +173,7 @@ def _checked(written: RecipeFile, content: Any, path: str, experiment: Experimen
     try:
         settings = experiment.settings.model_validate(written.settings)
     except ValidationError as error:
-        raise InputError(_first_fault(error, content, path, experiment.settings, ("settings",))) from error
+        raise InputError(first_fault(error, content, path, experiment.settings, ("settings",))) from error
     channels = {
         name: _channel_map(name, entry, experiment, where("channels", name)) for name, entry in written.channels.items()
     }
@@ -157,9 +186,9 @@ def _checked(written: RecipeFile, content: Any, path: str, experiment: Experimen
                 f"{where('conditions', name)}: {experiment.id} knows no condition '{name}'.{nearest(name, known)} "
                 f"Known conditions: {listing(known, 40)}."
             )
-        conditions[name] = condition_value(value, spec.unit, f"{where('conditions', name)}, condition '{name}'")
+        conditions[name] = condition_value(value, spec, f"{where('conditions', name)}, condition '{name}'")
     digest = hashlib.sha256(json.dumps(written.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
-    return Recipe(
+    recipe = Recipe(
         path=path,
         experiment=experiment,
         title=written.title or experiment.title,
@@ -173,6 +202,9 @@ def _checked(written: RecipeFile, content: Any, path: str, experiment: Experimen
         synthetic=written.synthetic or SyntheticEntry(),
         digest=digest,
     )
+    if recipe.file_name is not None:
+        name_pattern(replace(recipe, path=where("file_name")))
+    return recipe
 
 
 def _channel_map(name: str, entry: ChannelEntry, experiment: Experiment, where: str) -> ChannelMap:
@@ -187,8 +219,8 @@ def _channel_map(name: str, entry: ChannelEntry, experiment: Experiment, where: 
     if entry.unit is not None and si_unit:
         conversion(entry.unit, si_unit, f"{where}, channel '{name}'")
     rate = None if entry.rate is None else quantity(entry.rate, "Hz", f"{where}, rate")
-    if rate is not None and not rate > 0:
-        raise InputError(f"{where}: rate must be more than 0 Hz, found {entry.rate}.")
+    if rate is not None and (isinstance(entry.rate, bool) or not 0 < rate < math.inf):
+        raise InputError(f"{where}: rate must be a frequency above 0, as '5 kHz'; found {entry.rate}.")
     return ChannelMap(
         channel=entry.channel,
         unit=entry.unit,
@@ -198,41 +230,3 @@ def _channel_map(name: str, entry: ChannelEntry, experiment: Experiment, where: 
         table=entry.table,
         rate=rate,
     )
-
-
-def _first_fault(
-    error: ValidationError, content: Any, path: str, model: type[BaseModel], above: tuple[str, ...] = ()
-) -> str:
-    """Say the first fault that pydantic found: line, key, what was found, the nearest known key."""
-    first = error.errors()[0]
-    place = (*above, *(part for part in first["loc"] if part != "[key]"))
-    line = yaml_text.line_of(content, place)
-    at = f"{path} line {line}" if line else path
-    key = ".".join(str(part) for part in place)
-    if first["type"] == "extra_forbidden":
-        known = _known_keys(model, place[len(above) : -1])
-        return (
-            f"{at}: unknown key '{place[-1]}'.{nearest(str(place[-1]), known)} Known keys here: {listing(known, 40)}."
-        )
-    if first["type"] == "missing":
-        return f"{at}: the key '{key}' is missing; add '{place[-1]}: ...'."
-    message = str(first["msg"]).removeprefix("Value error, ")
-    return f"{at}: '{key}' is {first['input']!r}: {message[:1].lower()}{message[1:]}."
-
-
-def _known_keys(model: type[BaseModel], place: Sequence[str | int]) -> list[str]:
-    """Return the keys that `model` knows at a nested place, following the models inside it."""
-    inner: Any = model
-    for step in place:
-        if isinstance(inner, type) and issubclass(inner, BaseModel) and step in inner.model_fields:
-            inner = inner.model_fields[str(step)].annotation
-        models = _models_in(inner)
-        if models:
-            inner = models[0]
-    return list(inner.model_fields) if isinstance(inner, type) and issubclass(inner, BaseModel) else []
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [m for argument in getattr(annotation, "__args__", ()) for m in _models_in(argument)]

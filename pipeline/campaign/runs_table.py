@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.campaign.conditions import HEADING, spec_for, value_of
-from pipeline.errors import InputError, listing, nearest
+from pipeline.errors import InputError, counted, listing, nearest
 from pipeline.recording import Condition, QualityFinding
 from pipeline.recording.units import conversion
 from pipeline.rigs.experiment import ConditionSpec, Experiment
@@ -16,19 +16,34 @@ from pipeline.rigs.experiment import ConditionSpec, Experiment
 
 @dataclass(frozen=True)
 class RunsTable:
-    """`runs.csv`: one line a run, one column a condition."""
+    """`runs.csv`: one line a run, one column a condition. A run is called by its name or by its file's."""
 
     path: str
     rows: Mapping[str, Mapping[str, Condition]]
     notes: Sequence[QualityFinding] = ()
 
-    def conditions(self, run: str) -> Mapping[str, Condition]:
-        """Return what the table says of a run; the run may be called by its file name as well."""
-        return self.rows.get(run, {})
+    def conditions(self, run: str, file_names: Sequence[str] = ()) -> Mapping[str, Condition]:
+        """Return what the table says of a run.
 
-    def unknown(self, runs: Iterable[str]) -> list[str]:
-        """Return the runs that the table names and that have no log."""
-        return sorted(set(self.rows) - set(runs))
+        Raises
+        ------
+        InputError
+            If two of its lines mean this run.
+        """
+        meant = [name for name in self.rows if name in (run, *file_names)]
+        if len(meant) > 1:
+            raise InputError(f"{self.path}: {listing(map(repr, meant))} are the same run; keep one line for each run.")
+        return self.rows[meant[0]] if meant else {}
+
+    def unknown(self, runs: Mapping[str, Sequence[str]]) -> list[str]:
+        """Return what the table calls a run and is none of `runs` (name -> its files' names), with the nearest name."""
+        names = {*runs, *(name for files in runs.values() for name in files)}
+        return [f"'{name}'{_instead(name, runs)}" for name in sorted(self.rows) if name not in names]
+
+
+def _instead(name: str, runs: Iterable[str]) -> str:
+    hint = nearest(Path(name).stem, runs) or nearest(name, runs)
+    return f" ({hint.strip()})" if hint else ""
 
 
 def read(path: Path, experiment: Experiment, shown_as: str) -> RunsTable:
@@ -37,7 +52,8 @@ def read(path: Path, experiment: Experiment, shown_as: str) -> RunsTable:
     Raises
     ------
     InputError
-        If there is no column ``run``, a run stands twice, or a value cannot be read: file, line, column.
+        If there is no column ``run``, a run stands twice, a line has more cells than the header, or a value
+        cannot be read: file, line, column.
     """
     lines = list(csv.reader(_text_of(path, shown_as).splitlines(), delimiter=_delimiter(path, shown_as)))
     numbered = [(n, row) for n, row in enumerate(lines, 1) if any(c.strip() for c in row) and row[0][:1] != "#"]
@@ -77,6 +93,12 @@ def read(path: Path, experiment: Experiment, shown_as: str) -> RunsTable:
             raise InputError(f"{shown_as} line {number}: the column 'run' is empty; write the log's name there.")
         if run in rows:
             raise InputError(f"{shown_as} line {number}: the run '{run}' stands twice; keep one line for each run.")
+        if extra := [cell for cell in row[len(names) :] if cell.strip()]:
+            raise InputError(
+                f"{shown_as} line {number}: has {counted(len(row), 'cell')} but the header names "
+                f"{counted(len(names), 'column')}; nothing says what '{extra[0].strip()}' is. A decimal comma? Write a point, "
+                "or separate the cells by semicolons. Else name the column."
+            )
         values: dict[str, Condition] = {}
         for cell, name, unit, spec in zip(row, names, units, specs, strict=False):
             if spec is not None and cell.strip():

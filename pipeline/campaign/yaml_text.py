@@ -1,7 +1,11 @@
-"""YAML with places: what a key or value is called and in which line it stands."""
+"""YAML with places: what a key or value is called and in which line it stands.
+
+Files are people's: small, shallow, their numbers finite. What is not is refused before it is unfolded.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,8 +13,14 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
 
 from pipeline.errors import InputError
+
+LARGEST = 1 << 18  # bytes
+DEEPEST = 20
+# Keys and values as written, and once every alias stands for what it repeats.
+MOST_VALUES = 10_000
 
 
 def load(path: Path) -> CommentedMap:
@@ -19,15 +29,19 @@ def load(path: Path) -> CommentedMap:
     Raises
     ------
     InputError
-        If it is missing, is no YAML, or its top is no mapping; names the line.
+        If it is missing, is no YAML, its top is no mapping, it is larger or deeper than any recipe, or
+        holds a number that is not finite; names the line.
     """
     try:
+        if path.is_file() and (size := path.stat().st_size) > LARGEST:
+            raise InputError(f"{path}: holds {size / 1e6:.3g} MB, which no recipe does; is it a log? Expected is YAML.")
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8.") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
     try:
+        _refuse_shape(text, path)
         content = YAML(typ="rt").load(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -38,8 +52,53 @@ def load(path: Path) -> CommentedMap:
     if content is None:
         content = CommentedMap()
     if not isinstance(content, CommentedMap):
-        raise InputError(f"{path}: expected 'key: value' lines, found {type(content).__name__.lower()}.")
+        found = "a list" if isinstance(content, list) else f"only '{str(content)[:40]}'"
+        raise InputError(f"{path}: expected 'key: value' lines, found {found}.")
+    _refuse_unfolding(content, path)
     return content
+
+
+def _refuse_shape(text: str, path: Path) -> None:
+    """Refuse nesting and numbers of values that no recipe has; loading would recurse into them or take minutes."""
+    depth = 0
+    for count, event in enumerate(YAML(typ="rt").parse(text)):
+        if isinstance(event, CollectionStartEvent):
+            depth += 1
+        elif isinstance(event, CollectionEndEvent):
+            depth -= 1
+        if depth > DEEPEST:
+            line = event.start_mark.line + 1
+            raise InputError(
+                f"{path} line {line}: nested deeper than {DEEPEST} levels, which no recipe is; is a bracket not closed?"
+            )
+        if count > MOST_VALUES:
+            raise InputError(
+                f"{path}: holds more than {MOST_VALUES} keys and values, which no recipe does; is it a log?"
+            )
+
+
+def _refuse_unfolding(content: CommentedMap, path: Path) -> None:
+    """Refuse aliases that repeat each other into very many values, or contain themselves, and numbers like .nan."""
+    count = 0
+    stack: list[tuple[Any, tuple[str | int, ...]]] = [(content, ())]
+    while stack:
+        value, place = stack.pop()
+        count += 1
+        if count > MOST_VALUES or len(place) > DEEPEST:
+            raise InputError(
+                f"{path} line {line_of(content, place[:1])}: its aliases (*name) stand for more than {MOST_VALUES} values or "
+                "for themselves; write out what is meant."
+            )
+        if isinstance(value, dict):
+            stack += [(inner, (*place, key)) for key, inner in value.items()]
+        elif isinstance(value, list | tuple | set):
+            stack += [(inner, (*place, number)) for number, inner in enumerate(value)]
+        elif isinstance(value, float) and not math.isfinite(value):
+            key = ".".join(str(step) for step in place)
+            raise InputError(
+                f"{path} line {line_of(content, place)}: '{key}' is {float(value)}, which is no number to compute with; "
+                "write the number, or leave the key out."
+            )
 
 
 def line_of(content: Any, place: Sequence[str | int]) -> int | None:

@@ -101,7 +101,7 @@ def _by_experiment(run: RunFiles, recipe: Recipe, scan: RunScan, metadata: dict[
     from pipeline.recording.storage import read
 
     try:
-        given = conditions.of_run(run.run, recipe, None, metadata, run.files[0][1].name)
+        given = conditions.of_run(run.run, recipe, None, metadata, [path.name for _, path in run.files])
     except InputError as error:
         return [QualityFinding("error", str(error))]
     if given.values:

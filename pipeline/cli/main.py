@@ -7,8 +7,13 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 import click
 
@@ -18,6 +23,7 @@ from pipeline import __version__
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 PATH = click.Path(path_type=Path)
+_STOPPED = "stopped; nothing half-written is left, run the same command again."
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96})
@@ -67,8 +73,13 @@ def new(experiment: str, campaign: str, title: str) -> None:
 def check(logs: tuple[Path, ...], experiment: str | None, recipe: Path | None) -> None:
     """Tell what logs hold and what is wrong with them.
 
-    Shows channels, units, rates, conditions, gaps and quality; runs and writes nothing.
-    The exit status is 2 where a log cannot be read, 1 where something in one is an error, else 0.
+    Shows channels, units, rates, conditions, gaps and quality; identifies and writes nothing.
+
+    \b
+    Exit status, of several logs the worst:
+                 0  nothing grave
+                 1  something in a log is an error
+                 2  a log cannot be read, or holds nothing that --experiment could identify
     """
     from pipeline.cli import checking
 
@@ -95,6 +106,8 @@ def run(
     Exit status: 0  findings written, verdict ok or warning
                  1  findings written, verdict rejected
                  2  nothing could be identified: the input, the recipe or the call is wrong
+               130  stopped by Ctrl-C (143 by a kill, 129 by a closed terminal): what was in DIR is unchanged
+                70  a defect of rigfit; what was in DIR is unchanged
     """
     from pipeline.cli import stages
 
@@ -171,16 +184,21 @@ def index(go_on: bool) -> None:
     sys.exit(0 if go_on else status)
 
 
+class _Stopped(BaseException):
+    """A signal other than Ctrl-C asks the program to end."""
+
+
 def main() -> None:
     """Run the command; say a user's mistake as one paragraph with status 2."""
     from pipeline.errors import InputError
 
     try:
-        rigfit(standalone_mode=False)
-    except click.exceptions.Abort:
-        _leave("stopped; nothing half-written is left, run the same command again.", 130)
-    except KeyboardInterrupt:
-        _leave("stopped; nothing half-written is left, run the same command again.", 130)
+        with _stoppable():
+            rigfit(standalone_mode=False)
+    except (click.exceptions.Abort, KeyboardInterrupt):
+        _leave(_STOPPED, 128 + signal.SIGINT)
+    except _Stopped as stopped:
+        _leave(_STOPPED, 128 + int(stopped.args[0]))
     except click.ClickException as error:
         error.show()
         sys.exit(2)
@@ -205,6 +223,26 @@ def main() -> None:
             "Earlier results are untouched. RIGFIT_DEBUG=1 shows the traceback; please report it.",
             70,
         )
+
+
+@contextmanager
+def _stoppable() -> Iterator[None]:
+    """Let a kill and a closed terminal end the program as Ctrl-C does: everything half-written is removed."""
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        raise _Stopped(number)
+
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) == signal.SIG_DFL:
+                before[number] = signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _said(error: OSError) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from pipeline.cli.progress import progress
 from pipeline.errors import InputError
 from pipeline.findings import Findings
 from pipeline.findings import storage as findings_storage
+from pipeline.findings.together import together
 from pipeline.rigs.registry import experiment as find_experiment
 
 
@@ -36,21 +36,16 @@ def run(
         raise InputError(f"{out}: is a file, not a folder; name another folder with --out.")
     table = runs_table.read(runs_path, experiment, str(runs_path)) if runs_path else None
     handed = {path.stem if path.is_file() else path.name: findings_storage.read(path) for path in uses}
-    fresh = out / ".recordings.partial"
-    shutil.rmtree(fresh, ignore_errors=True)
-    try:
-        with progress("ingest", len(runs)) as step:
-            ingested = ingest_stage.ingest(recipe, runs, fresh, base=Path.cwd(), table=table, progress=step)
-        name = out.resolve().name
-        findings = identify_stage.identify(name, recipe, ingested, handed, out)
-        shutil.rmtree(out / "recordings", ignore_errors=True)
-        fresh.replace(out / "recordings")
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
-        if out.is_dir() and not any(out.iterdir()):
-            out.rmdir()
+    name = runs[0].run if len(runs) == 1 else out.resolve().name
     command = shlex.join(["rigfit", *sys.argv[1:]])
-    page = report_stage.report(findings, experiment, recipe.title, command, out)
+    with together(out) as fresh:
+        with progress("ingest", len(runs)) as step:
+            ingested = ingest_stage.ingest(
+                recipe, runs, fresh / "recordings", base=Path.cwd(), table=table, progress=step
+            )
+        findings = identify_stage.identify(name, recipe, ingested, handed, fresh)
+        page = report_stage.report(findings, experiment, recipe.title, command, fresh)
+    page = out / page.name
     return _told(findings, page)
 
 

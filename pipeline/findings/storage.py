@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from pyarrow import ArrowException
 from pydantic import ValidationError
 
 from pipeline.errors import InputError
 from pipeline.findings.findings import Findings
-from pipeline.recording.storage import whole_or_not
+from pipeline.findings.together import together
+
+_ANEW = "Identify that campaign again: 'rigfit identify' with its name in a project, 'rigfit run' elsewhere."
 
 
 def write(findings: Findings, folder: Path) -> None:
-    """Write findings into `folder`: first the arrays, last the JSON that makes them valid."""
-    arrays = folder / "arrays"
-    partial = folder / ".arrays.partial"
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
-    for name, table in findings.arrays.items():
-        table.to_parquet(partial / f"{name}.parquet", index=False, compression="zstd")
-    shutil.rmtree(arrays, ignore_errors=True)
-    partial.replace(arrays)
-    with whole_or_not(folder / "findings.json") as path:
-        path.write_text(to_json(findings), encoding="utf-8")
+    """Write findings into `folder`: the arrays and the JSON appear together, or what was there stays."""
+    with together(folder) as fresh:
+        (fresh / "arrays").mkdir()
+        for name, table in findings.arrays.items():
+            table.to_parquet(fresh / "arrays" / f"{name}.parquet", index=False, compression="zstd")
+        (fresh / "findings.json").write_text(to_json(findings), encoding="utf-8")
 
 
 def to_json(findings: Findings) -> str:
@@ -41,7 +38,8 @@ def read(path: Path) -> Findings:
     Raises
     ------
     InputError
-        If there is none, or it is not as `docs/findings.schema.json` says; names the first fault.
+        If there is none, it is not as `docs/findings.schema.json` says, or an array beside it is damaged;
+        names the first fault.
     """
     path = path / "findings.json" if path.is_dir() else path
     try:
@@ -52,10 +50,13 @@ def read(path: Path) -> Findings:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the file"
         raise InputError(
-            f"{path}: not findings as rigfit writes them: {place}: {first['msg']}. Run 'rigfit identify' again."
+            f"{path}: not findings as rigfit writes them: {place}: {first['msg']}. {_ANEW}"
         ) from error
     for file in sorted((path.parent / "arrays").glob("*.parquet")):
-        findings.arrays[file.stem] = pd.read_parquet(file)
+        try:
+            findings.arrays[file.stem] = pd.read_parquet(file)
+        except (ArrowException, OSError, ValueError) as error:
+            raise InputError(f"{file}: damaged, it cannot be read ({error}). {_ANEW}") from error
     return findings
 
 

@@ -6,11 +6,12 @@ declarations.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Section
@@ -18,9 +19,55 @@ from pipeline.recording import QualityFinding, Recording
 
 
 class Settings(BaseModel):
-    """Base of all settings: an unknown key is an error, which names the nearest known one."""
+    """Base of all settings: an unknown key is an error, which names the nearest known one.
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    Numbers are finite; what else they can be, a `Range` says.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _true_is_no_number(cls, value: Any, info: ValidationInfo) -> Any:
+        annotation = cls.model_fields[info.field_name or ""].annotation
+        if isinstance(value, bool) and bool not in (annotation, *get_args(annotation)):
+            raise ValueError("a number or a word, not true or false")
+        return value
+
+
+@dataclass(frozen=True)
+class Range:
+    """What a number can be, in SI: from `least` to `most`; `above` leaves out `least` itself.
+
+    Of a condition it is the spec's `range`, of a setting it stands in its type:
+    ``force_lag: Annotated[float, AfterValidator(Range(-0.1, 0.1).checked)]``.
+    """
+
+    least: float = -math.inf
+    most: float = math.inf
+    above: bool = False
+    whole: bool = False
+
+    def __contains__(self, value: float) -> bool:
+        low = value > self.least if self.above else value >= self.least
+        return math.isfinite(value) and low and value <= self.most and (not self.whole or value == int(value))
+
+    def told(self, unit: str = "") -> str:
+        """Return the range in words: ``"a whole number from 1 to 8"``, ``"more than 0 up to 1 m"``."""
+        unit = "" if unit in ("", "1") else f" {unit}"
+        low = f"more than {self.least:g}" if self.above else f"from {self.least:g}"
+        ends = f"{low} {'up ' if self.above else ''}to {self.most:g}{unit}"
+        if math.isinf(self.most):
+            ends = f"{low}{unit}" if self.above else f"{self.least:g}{unit} or more"
+        if math.isinf(self.least):
+            ends = "finite" if math.isinf(self.most) else f"{self.most:g}{unit} or less"
+        return f"a whole number, {ends}" if self.whole else ends
+
+    def checked(self, value: float) -> float:
+        """Return `value`; ValueError where it is outside."""
+        if value not in self:
+            raise ValueError(self.told())
+        return value
 
 
 @dataclass(frozen=True)
@@ -40,13 +87,17 @@ class ChannelSpec:
 
 @dataclass(frozen=True)
 class ConditionSpec:
-    """A condition of a run: name, SI unit ('' for text), what it is; `default` where it may be missing."""
+    """A condition of a run: name, SI unit ('' for text), what it is; `default` where it may be missing.
+
+    A number outside `range` (SI) is refused wherever it is given.
+    """
 
     name: str
     unit: str
     description: str
     required: bool = False
     default: float | str | bool | None = None
+    range: Range = Range()
 
 
 @dataclass(frozen=True)
@@ -105,7 +156,8 @@ class Experiment:
         ``methods(findings) -> paragraphs`` for the report and for a paper.
     check
         ``check(recording) -> quality findings`` that only this rig's physics can tell (swapped
-        signs, wrong units), for `rigfit check` and ingest.
+        signs, wrong units), for `rigfit check` and ingest: in the words of `identify`, an error where that
+        leaves the run out. Raises InputError where this run alone leaves nothing to identify.
     """
 
     id: str

@@ -30,23 +30,23 @@ def test_the_first_of_the_four_places_wins_and_the_others_are_named(tmp_path: Pa
     made = recipe(tmp_path, 'conditions: {wire_diameter: 4 mm}\nfile_name: "pull_{wire_diameter:mm}"\n')
     rows = table(tmp_path, "run,wire_diameter [mm]\npull_3,1\n")
     log = {"Wire diameter [mm]": "2"}
-    found = conditions.of_run("pull_3", made, rows, log, "pull_3.csv")
+    found = conditions.of_run("pull_3", made, rows, log, ["pull_3.csv"])
     assert found.values["wire_diameter"] == pytest.approx(1e-3)
     assert found.sources["wire_diameter"] == "runs.csv"
     for note, place in zip(found.notes, ["the log", "the file name", "the recipe"], strict=True):
         assert f"by {place}" in note.message
-    found = conditions.of_run("pull_3", made, None, log, "pull_3.csv")
+    found = conditions.of_run("pull_3", made, None, log, ["pull_3.csv"])
     assert found.values["wire_diameter"] == pytest.approx(2e-3)
-    found = conditions.of_run("pull_3", made, None, {}, "pull_3.csv")
+    found = conditions.of_run("pull_3", made, None, {}, ["pull_3.csv"])
     assert found.values["wire_diameter"] == pytest.approx(3e-3)
-    found = conditions.of_run("other", made, None, {}, "other.csv")
+    found = conditions.of_run("other", made, None, {}, ["other.csv"])
     assert found.values["wire_diameter"] == pytest.approx(4e-3)
     assert "does not fit the recipe's pattern" in found.notes[0].message
 
 
 def test_agreeing_places_raise_no_note(tmp_path: Path) -> None:
     made = recipe(tmp_path, "conditions: {wire_diameter: 1 mm}\n")
-    assert conditions.of_run("a", made, None, {"wire_diameter": "0.001 m"}, "a.csv").notes == ()
+    assert conditions.of_run("a", made, None, {"wire_diameter": "0.001 m"}, ["a.csv"]).notes == ()
 
 
 @pytest.mark.parametrize(
@@ -63,12 +63,12 @@ def test_a_pattern_takes_conditions_with_units_from_the_file_name(
     tmp_path: Path, pattern: str, name: str, expected: float
 ) -> None:
     made = recipe(tmp_path, f'file_name: "{pattern}"\n')
-    assert conditions.of_run("x", made, None, {}, name).values["wire_diameter"] == pytest.approx(expected)
+    assert conditions.of_run("x", made, None, {}, [name]).values["wire_diameter"] == pytest.approx(expected)
 
 
 def test_a_missing_condition_is_answered_with_all_four_ways_to_give_it(tmp_path: Path) -> None:
     with pytest.raises(InputError) as told:
-        conditions.of_run("a", recipe(tmp_path), None, {}, "a.csv")
+        conditions.of_run("a", recipe(tmp_path), None, {}, ["a.csv"])
     message = str(told.value)
     assert "'wire_diameter'" in message
     assert "run 'a'" in message
@@ -78,7 +78,7 @@ def test_a_missing_condition_is_answered_with_all_four_ways_to_give_it(tmp_path:
 
 def test_a_condition_in_the_log_that_is_no_number_is_said_and_not_used(tmp_path: Path) -> None:
     made = recipe(tmp_path, "conditions: {wire_diameter: 1 mm}\n")
-    found = conditions.of_run("a", made, None, {"wire_diameter": "unknown"}, "a.csv")
+    found = conditions.of_run("a", made, None, {"wire_diameter": "unknown"}, ["a.csv"])
     assert found.values["wire_diameter"] == pytest.approx(1e-3)
     assert "'unknown'" in found.notes[0].message
 
@@ -97,7 +97,7 @@ def test_runs_tables_of_many_dialects_say_the_same(tmp_path: Path, text: str | b
     rows = table(tmp_path, text)
     assert rows.conditions("a")["wire_diameter"] == pytest.approx(1.5e-3)
     assert rows.conditions("b")["wire_diameter"] == pytest.approx(2e-3)
-    assert rows.unknown(["a"]) == ["b"]
+    assert rows.unknown({"a": ["a.csv"]}) == ["'b'"]
 
 
 @pytest.mark.parametrize(

@@ -7,14 +7,14 @@ Without the conditions that belong to the pads, any hysteretic device on a shake
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Section
 from pipeline.recording import QualityFinding, Recording
-from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Context, Experiment, ParameterSpec, Settings
+from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Context, Experiment, ParameterSpec, Range, Settings
 from pipeline.rigs.mre.references import (
     BRANCATI_2019,
     GOLUB_PEREYRA_1973,
@@ -24,13 +24,18 @@ from pipeline.rigs.mre.references import (
     SCHWARZ_1978,
 )
 
+LAG, MASS, FREQUENCY = Range(-0.1, 0.1), Range(0, 1000), Range(0, 1e5, above=True)
+SIZE = Range(0, 1, above=True)
+
 
 class ShearSettings(Settings):
     """What a recipe of `mre.shear` may set."""
 
     mains_frequency: float = Field(50.0, ge=0, description="Hz; harmonics on its multiples are left out, 0 for none")
-    force_lag: Literal["fit"] | float = Field("fit", description="s, how late the force is; 'fit' finds it")
-    moving_mass: Literal["auto", "fit"] | float = Field(
+    force_lag: Literal["fit"] | Annotated[float, AfterValidator(LAG.checked)] = Field(
+        "fit", description="s, how late the force is; 'fit' finds it"
+    )
+    moving_mass: Literal["auto", "fit"] | Annotated[float, AfterValidator(MASS.checked)] = Field(
         "auto", description="kg of untared platelet and rod; 'auto' fits it where the data ask for it"
     )
     run_scatter: bool = Field(True, description="allow a gain error that changes from run to run")
@@ -52,20 +57,25 @@ CHANNELS = (
 )
 CONDITIONS = (
     ConditionSpec("test", "", "shear or preload (T6: stiffness against preload)"),
-    ConditionSpec("coil_current", "A", "coil current as set"),
-    ConditionSpec("preload", "N", "axial load on the pads at 0 A"),
+    ConditionSpec("coil_current", "A", "coil current as set", range=Range(-100, 100)),
+    ConditionSpec("preload", "N", "axial load on the pads at 0 A", range=Range(0, 1e6)),
     ConditionSpec("gap_held", "", "true where the gap is held and not the axial load"),
-    ConditionSpec("frequency", "Hz", "frequency as set"),
-    ConditionSpec("amplitude", "m", "amplitude as set"),
+    ConditionSpec("frequency", "Hz", "frequency as set", range=FREQUENCY),
+    ConditionSpec("amplitude", "m", "amplitude as set", range=SIZE),
     ConditionSpec("control", "", "displacement or force"),
-    ConditionSpec("n_pads", "1", "pads in parallel; 2 where the pads are known and nothing else is said"),
-    ConditionSpec("pad_diameter", "m", "diameter of a pad"),
-    ConditionSpec("pad_height", "m", "height of a pad"),
-    ConditionSpec("powder_fraction", "1", "volume fraction of iron powder"),
-    ConditionSpec("matrix_shear_modulus", "Pa", "shear modulus of the matrix"),
-    ConditionSpec("poisson_ratio", "1", "Poisson's ratio"),
-    ConditionSpec("moving_mass", "kg", "mass of platelet and rod, where it was weighed"),
-    ConditionSpec("force_lag", "s", "how late the force is, where it was calibrated"),
+    ConditionSpec(
+        "n_pads",
+        "1",
+        "pads in parallel; 2 where the pads are known and nothing else is said",
+        range=Range(1, 100, whole=True),
+    ),
+    ConditionSpec("pad_diameter", "m", "diameter of a pad", range=SIZE),
+    ConditionSpec("pad_height", "m", "height of a pad", range=SIZE),
+    ConditionSpec("powder_fraction", "1", "volume fraction of iron powder", range=Range(0, 1)),
+    ConditionSpec("matrix_shear_modulus", "Pa", "shear modulus of the matrix", range=Range(1e3, 1e9)),
+    ConditionSpec("poisson_ratio", "1", "Poisson's ratio", range=Range(-1, 0.5)),
+    ConditionSpec("moving_mass", "kg", "mass of platelet and rod, where it was weighed", range=MASS),
+    ConditionSpec("force_lag", "s", "how late the force is, where it was calibrated", range=LAG),
     ConditionSpec("pad_id", "", "which pads"),
     ConditionSpec("sequence_index", "1", "order of the runs (Mullins effect, heating)"),
 )
