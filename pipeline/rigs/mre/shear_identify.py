@@ -243,7 +243,7 @@ def _records(runs: SortedRuns, settings: ShearSettings) -> list[TimeFit]:
 
 def _record(usable: UsableRun) -> Record:
     series = usable.series
-    return Record(usable.run, series.time, series.x, series.F, usable.current)
+    return Record(usable.run, series.time, series.x, series.F, usable.current, series.counts)
 
 
 def _time_options(settings: ShearSettings, members: list[UsableRun]) -> TimeOptions:

@@ -36,7 +36,7 @@ def add_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
         raise UnfitError(
             f"the displacement is clipped: {100 * share:.1f} % of its samples are flat at {level:.5g} m", "displacement"
         )
-    series = usable.series.between(*usable.excitation.steady)
+    series = usable.series.between(*usable.excitation.steady).measured()
     frequency = usable.excitation.frequency
     assert frequency is not None
     late = _settled(series, frequency)
@@ -59,7 +59,7 @@ def add_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
             "more than its noise. A loose cable, or the wrong channel",
             "force",
         )
-    wrong = _wrong_way_round(loop)
+    wrong = _clipped_force(usable.series) or _wrong_way_round(loop)
     if wrong:
         runs.leave_out(run, wrong, "force")
         runs.faulty.append(replace(usable, series=series, loop=loop))
@@ -74,6 +74,14 @@ def add_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
             "displacement",
         )
     runs.loops.append(replace(usable, series=series, loop=loop))
+
+
+def _clipped_force(series: Series) -> str:
+    """Say by how much the force is clipped; an empty text where it is not."""
+    clipped = clipping(series.F)
+    if clipped is None:
+        return ""
+    return f"the force is clipped: {100 * clipped[1]:.1f} % of its samples are flat at {clipped[0]:.5g} N"
 
 
 def _wrong_way_round(loop: Loop) -> str:

@@ -15,7 +15,7 @@ from pipeline.errors import InputError, listing
 from pipeline.recording import Recording
 from pipeline.rigs.mre.shear import ShearSettings
 from pipeline.rigs.mre.shear_loops import add_loop
-from pipeline.rigs.mre.shear_samples import Series, UnfitError, number_of, pads_of, samples_of
+from pipeline.rigs.mre.shear_samples import Series, UnfitError, flat_tops, number_of, pads_of, samples_of
 from pipeline.rigs.mre.shear_sorted import SortedRuns, UsableRun
 from pipeline.signals.periodicity import classify
 
@@ -42,8 +42,6 @@ def sort_runs(recordings: Sequence[Recording], settings: ShearSettings) -> Sorte
             _sort_one(recording, series, settings, runs)
         except UnfitError as error:
             runs.leave_out(recording.run, str(error), error.channel)
-            if error.series is not None:
-                _keep_to_show(recording, error.series, settings, runs)
         except InputError as error:
             runs.leave_out(recording.run, str(error))
     _other_units(runs)
@@ -109,16 +107,6 @@ def _usable(recording: Recording, series: Series, runs: SortedRuns) -> UsableRun
     )
 
 
-def _keep_to_show(recording: Recording, series: Series, settings: ShearSettings, runs: SortedRuns) -> None:
-    """Keep the loop of a run that is left out, if it has one."""
-    aside = SortedRuns()
-    try:
-        _sort_one(recording, series, settings, aside)
-    except (UnfitError, InputError):
-        return
-    runs.faulty += [*aside.loops, *aside.faulty]
-
-
 def _sort_one(recording: Recording, series: Series, settings: ShearSettings, runs: SortedRuns) -> None:
     usable = _usable(recording, series, runs)
     run, excitation = usable.run, usable.excitation
@@ -134,17 +122,33 @@ def _sort_one(recording: Recording, series: Series, settings: ShearSettings, run
         runs.say(
             "warning", run, "one half cycle only (load and unload): loop stiffness and loss, no damping, no model."
         )
-        runs.half_cycles.append(_moving(usable))
+        moving = _moving(usable)
+        runs.half_cycles.append(replace(moving, series=moving.series.measured()))
     elif excitation.kind == "periodic" and excitation.steady is not None:
         add_loop(usable, settings, runs)
     else:
         if excitation.kind == "periodic":
             runs.say("warning", run, f"periodic, but no cycle is steady ({excitation.reason}): fitted in time.")
-        runs.records.append(_moving(usable))
+        runs.records.append(_without_flat_tops(_moving(usable), runs))
 
 
 def _moving(usable: UsableRun) -> UsableRun:
     return replace(usable, series=usable.series.between(*usable.excitation.moving), loop=None)
+
+
+def _without_flat_tops(usable: UsableRun, runs: SortedRuns) -> UsableRun:
+    """Leave out where a record without a period is clipped: rows where the displacement is, else the force alone."""
+    series = usable.series
+    tops = {"displacement": flat_tops(series.x), "force": flat_tops(series.F)}
+    for name, there in tops.items():
+        if there.any():
+            runs.say(
+                "warning",
+                usable.run,
+                f"the {name} is clipped in {100 * float(there.mean()):.2g} % of its samples; they do not enter.",
+                name,
+            )
+    return replace(usable, series=series.without(force=tops["force"], rows=tops["displacement"]))
 
 
 def _current(recording: Recording, runs: SortedRuns) -> float | None:

@@ -1,21 +1,24 @@
 """Displacement and force of one run as samples fit to use, or why they are not (mre.md section 8).
 
 Looks at samples only: dead, stuck, clipped channels and lone spikes. What the loop tells is
-`shear_runs`' business.
+`shear_loops`' business.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.ingest.quality.constant import ConstantStretches, Stretch
+from pipeline.ingest.quality.window import Window
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.loop import Pads
 
 _FEWEST = 20  # samples of both channels
-_STUCK_SHARE, _STUCK_SAMPLES = 0.1, 50
+# Of a record that is stuck for longer than this share nothing is used.
+_STUCK_SHARE = 0.2
 # Of a rounded top the highest step of the converter holds at most three times as many samples as the mean of
 # the next three below it: clipping is more than that, and more than these.
 _FLAT_SHARE, _FLAT_SAMPLES, _FLAT_CROWDED = 0.02, 6, 6.0
@@ -27,18 +30,30 @@ _SPIKE_SAMPLES, _SPIKE_SIGMA, _SPIKE_SHARE = 2, 10.0, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Valid samples of one run: time (s), displacement (m), force (N), shape (n,) each."""
+    """Valid samples of one run: time (s), displacement (m), force (N), shape (n,) each.
+
+    `counts` is False where the force was not measured (stuck, clipped) though the displacement was.
+    """
 
     time: np.ndarray
     x: np.ndarray
     F: np.ndarray
+    counts: np.ndarray
 
     def between(self, start: float, end: float) -> Series:
         """Return the samples from `start` to `end` (s)."""
         return self._where((self.time >= start) & (self.time <= end))
 
+    def measured(self) -> Series:
+        """Return the samples where both were measured."""
+        return self._where(self.counts)
+
+    def without(self, *, force: np.ndarray, rows: np.ndarray) -> Series:
+        """Return the series without some `rows`, and with the force not counted in others; (n,) each."""
+        return replace(self, counts=self.counts & ~force)._where(~rows)
+
     def _where(self, kept: np.ndarray) -> Series:
-        return Series(self.time[kept], self.x[kept], self.F[kept])
+        return Series(self.time[kept], self.x[kept], self.F[kept], self.counts[kept])
 
     def without_spikes(self) -> tuple[Series, dict[str, int]]:
         """Return the series without lone wild samples, and how many there were in each channel."""
@@ -48,12 +63,11 @@ class Series:
 
 
 class UnfitError(Exception):
-    """The run cannot be used: the reason, the channel that it lies in, and samples that can still be shown."""
+    """The run cannot be used: the reason, and the channel that it lies in."""
 
-    def __init__(self, reason: str, channel: str | None = None, series: Series | None = None) -> None:
+    def __init__(self, reason: str, channel: str | None = None) -> None:
         super().__init__(reason)
         self.channel = channel
-        self.series = series
 
 
 def samples_of(recording: Recording, say: Callable[[QualityFinding], None]) -> Series:
@@ -62,7 +76,7 @@ def samples_of(recording: Recording, say: Callable[[QualityFinding], None]) -> S
     Raises
     ------
     UnfitError
-        If a channel is dead, stuck or clipped, or too little is left.
+        If a channel is dead or stuck for long, or too little is left.
     """
     run = recording.run
     time, x = recording.signal("displacement")
@@ -79,42 +93,92 @@ def samples_of(recording: Recording, say: Callable[[QualityFinding], None]) -> S
     valid = np.isfinite(x) & np.isfinite(F)
     if valid.sum() < _FEWEST:
         raise UnfitError(f"only {int(valid.sum())} samples have both displacement and force; {_FEWEST} are needed")
-    series = Series(time[valid], x[valid], F[valid])
+    series = Series(time[valid], x[valid], F[valid], np.ones(int(valid.sum()), dtype=bool))
     for name, values in (("displacement", series.x), ("force", series.F)):
         if np.ptp(values) == 0:
             raise UnfitError(f"the channel {name} is dead: every sample is {values[0]:.6g}", name)
         if not is_signal(values):
             size = float(np.abs(values).max())
             raise UnfitError(f"the {name} reaches {size:.3g} in SI units, which no sensor gives: check its unit", name)
-    stuck = _longest(np.diff(series.F) == 0) + 1
-    if stuck > max(_STUCK_SHARE * series.F.size, _STUCK_SAMPLES):
-        raise UnfitError(f"the force is stuck for {100 * stuck / series.F.size:.0f} % of the record", "force")
-    clipped = clipping(series.F)
-    if clipped is not None:
-        level, share = clipped
-        reason = f"the force is clipped: {100 * share:.1f} % of its samples are flat at {level:.5g} N"
-        raise UnfitError(reason, "force", series)
     series, counts = series.without_spikes()
     for name, count in counts.items():
         message = f"{count} lone wild sample{'s' if count > 1 else ''} of {name} left out."
         say(QualityFinding("note", message, run, name))
-    return series
+    return _without_stuck(series, run, say)
+
+
+def _without_stuck(series: Series, run: str, say: Callable[[QualityFinding], None]) -> Series:
+    """Leave out where a sensor hung: the rows where the displacement did, the force alone where it did.
+
+    Raises
+    ------
+    UnfitError
+        If that is too large a part of the record.
+    """
+    lost = {}
+    for name, unit, values in (("displacement", "m", series.x), ("force", "N", series.F)):
+        hung = np.zeros(series.time.size, dtype=bool)
+        stretches = _stuck(series.time, values)
+        for one in stretches:
+            hung |= (series.time >= one.start) & (series.time <= one.end)
+        lost[name] = hung
+        share = float(hung.mean())
+        if share > _STUCK_SHARE:
+            raise UnfitError(f"the {name} is stuck for {100 * share:.0f} % of the record", name)
+        if stretches:
+            longest = max(stretches, key=lambda one: one.length)
+            more = f", and {len(stretches) - 1} more times" if len(stretches) > 1 else ""
+            message = (
+                f"the {name} is stuck at {longest.value:.4g} {unit} from {longest.start:.4g} to {longest.end:.4g} s{more}; "
+                f"{100 * share:.2g} % of the record do not enter."
+            )
+            say(QualityFinding("warning", message, run, name, (longest.start, longest.end)))
+    return series.without(force=lost["force"], rows=lost["displacement"])
+
+
+def _stuck(time: np.ndarray, values: np.ndarray) -> list[Stretch]:
+    """Return the stretches in which a signal was cut off and stood still, but for flat tops.
+
+    Shorter ones than ingest speaks of are left out as well: a sample less costs nothing.
+    """
+    found = ConstantStretches()
+    found.add(Window(values, (time[:0], time)))
+    found.finish()
+    ends = (values.min(), values.max())
+    return sorted((s for s in found.longest if s.is_freeze and s.value not in ends), key=lambda s: s.start)
 
 
 def clipping(values: np.ndarray) -> tuple[float, float] | None:
-    """Return level and share of samples of the flattened side of a clipped signal, None where it is not.
+    """Return level and share of samples of the flattened side of a clipped signal, None where it is not."""
+    found = None
+    for level, there in _crowded_ends(values):
+        share = float(there.mean())
+        if share > _FLAT_SHARE and (found is None or share > found[1]):
+            found = (level, share)
+    return found
+
+
+def flat_tops(values: np.ndarray) -> np.ndarray:
+    """Tell which samples lie on flat tops, however few, of a signal that is clipped; shape of `values`."""
+    flat = np.zeros(values.size, dtype=bool)
+    for _, there in _crowded_ends(values):
+        flat |= there
+    return flat
+
+
+def _crowded_ends(values: np.ndarray) -> list[tuple[float, np.ndarray]]:
+    """Return the extreme levels that a clipped signal has, and which samples lie there.
 
     The extreme value must repeat, in a row and far more often than the levels next to it: a coarse
     converter repeats the top of a sine as well, but its next steps too.
     """
-    found = None
+    found = []
     for side in (1.0, -1.0):
         levels, counts = np.unique(side * values, return_counts=True)
-        share = float(counts[-1] / values.size)
+        there = side * values == levels[-1]
         crowded = counts[-1] > _FLAT_CROWDED * max(float(counts[-4:-1].mean()), 1.0) if levels.size > 4 else False
-        flat = _longest(side * values == levels[-1])
-        if crowded and flat >= _FLAT_SAMPLES and share > _FLAT_SHARE and (found is None or share > found[1]):
-            found = (float(side * levels[-1]), share)
+        if crowded and _longest(there) >= _FLAT_SAMPLES:
+            found.append((float(side * levels[-1]), there))
     return found
 
 

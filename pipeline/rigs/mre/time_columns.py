@@ -28,13 +28,17 @@ _ARRAYS = ("time", "x", "velocity", "acceleration", "force", "usable", "first_ha
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Displacement (m) and force (N) over time (s), shape (n,) each; current (A) where known."""
+    """Displacement (m) and force (N) over time (s), shape (n,) each; current (A) where known.
+
+    `counts` is False where the force was not measured; None where it was throughout.
+    """
 
     run: str
     time: np.ndarray
     displacement: np.ndarray
     force: np.ndarray
     current: float | None = None
+    counts: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +67,7 @@ def segments_of(record: Record, cutoff: float | None) -> list[Segment]:
     both = np.isfinite(x) & np.isfinite(F)
     rate = 1 / float(np.median(np.diff(time)))
     cutoff = highest_motion(time[both], x[both]) if cutoff is None else cutoff
+    counts = np.ones(time.size, dtype=bool) if record.counts is None else record.counts
     middle = 0.5 * (time[both][0] + time[both][-1])
     segments = []
     for part in stretches(time, np.where(both, F, np.nan), max(2.5 / rate, 0.25 / cutoff)):
@@ -84,7 +89,7 @@ def segments_of(record: Record, cutoff: float | None) -> list[Segment]:
                 velocity=velocity[::step],
                 acceleration=acceleration[::step],
                 force=force[::step],
-                usable=_after_warm_up(smooth[::step]),
+                usable=_after_warm_up(smooth[::step]) & _undisturbed(counts[part], step)[::step],
                 first_half=t[::step] < middle,
             )
         )
@@ -114,6 +119,15 @@ def _after_warm_up(x: np.ndarray) -> np.ndarray:
     usable = path > _WARM_UP_RANGES * np.ptp(x)
     usable[round(_LONGEST_WARM_UP * usable.size) :] = True
     return np.asarray(usable)
+
+
+def _undisturbed(counts: np.ndarray, step: int) -> np.ndarray:
+    """Tell which rows the low-pass of the force keeps clear of those that do not count."""
+    if counts.all() or step == 1:
+        return counts
+    reach = 4 * step  # a low-pass at 0.4 of the thinned rate forgets within four of its samples
+    near = np.convolve(~counts, np.ones(2 * reach + 1), "same") > 0.5
+    return np.asarray(~near)
 
 
 def highest_motion(time: np.ndarray, x: np.ndarray) -> float:
