@@ -45,7 +45,7 @@ class FitOptions:
     """How to fit.
 
     `force_lag` (s) is held when `fit_lag` is False; `moving_mass` (kg) is subtracted, `fit_mass` adds
-    its column. `scatter` allows a run-to-run gain scatter up to `scatter_cap`. `current_tolerance` (A)
+    its column, `mass_known` says that no other mass is to be looked for. `scatter` allows a run-to-run gain scatter up to `scatter_cap`. `current_tolerance` (A)
     separates levels of the measured current.
     """
 
@@ -54,6 +54,7 @@ class FitOptions:
     force_lag: float = 0.0
     fit_mass: bool = False
     moving_mass: float = 0.0
+    mass_known: bool = False
     scatter: bool = True
     scatter_cap: float = 0.02
     current_tolerance: float = 0.25

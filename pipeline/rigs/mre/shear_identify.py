@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from pipeline.errors import InputError, listing
 from pipeline.findings import Findings, Quality, Run
@@ -28,11 +28,9 @@ from pipeline.rigs.mre.shear_verdict import judge
 from pipeline.rigs.mre.time_columns import Record
 from pipeline.rigs.mre.time_fit import TimeFit, fit_records
 from pipeline.rigs.mre.time_model import TimeOptions
+from pipeline.rigs.mre.untared_mass import weigh_mass
 from pipeline.rigs.mre.variants import DECISIVE, undecided
 
-# What a mass column must gain in BIC before an untared mass is believed.
-_MASS_GAIN = 10.0
-_FREQUENCY_RATIO = 1.2
 _LEAST_CYCLES = 1.95
 
 
@@ -52,8 +50,8 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
         runs.loops = runs.faulty
     options = _options(settings, recordings)
     doubts = say_faults(runs, recordings)
-    dynamic, others = (None, []) if condemned else _dynamic(runs, options, settings)
-    fit = dynamic.selected if dynamic else None
+    outcome = _Dynamic() if condemned else _dynamic(runs, options, settings)
+    dynamic, fit = outcome.found, outcome.found.selected if outcome.found else None
     without = leave_one_out(fit, options) if fit is not None and len(fit.loops) > 1 else None
     preloads = _preloads(runs, fit)
     times = _records(runs, settings) if not runs.loops else []
@@ -62,10 +60,8 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
             runs.set_aside(usable.run, f"no steady cycles ({usable.excitation.reason}), which the other runs have")
     doubts += say_faults_of_fit(runs, fit) if fit is not None else []
     doubts += _undecided(dynamic) if dynamic is not None else []
+    doubts += outcome.doubts
     judgement = judge(runs, fit, times, doubts, condemned)
-    if others:
-        names = ", ".join(loop.run for loop in others)
-        runs.say("note", None, f"runs of another preload do not enter the dynamic fit: {names}.")
     labels = Labels.of(recordings, fit)
     parameters = [*parameters_of(fit, times, preloads, labels), *loop_parameters(runs, fit)]
     return Findings(
@@ -80,7 +76,7 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
         quality=[
             Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in runs.quality
         ],
-        runs=_runs(recordings, runs),
+        runs=_runs(recordings, runs, outcome.beside),
         arrays=arrays_of(runs, fit, without, times, preloads, parameters),
     )
 
@@ -108,114 +104,137 @@ def _nothing_usable(runs: SortedRuns, recordings: Sequence[Recording], context: 
 
 
 def _options(settings: ShearSettings, recordings: Sequence[Recording]) -> FitOptions:
-    lags = {r.conditions["force_lag"] for r in recordings if isinstance(r.conditions.get("force_lag"), float)}
-    lag = settings.force_lag if settings.force_lag != "fit" else next(iter(lags)) if len(lags) == 1 else None
+    lag = settings.force_lag if settings.force_lag != "fit" else _told_by_runs("force_lag", "s", recordings)
+    told = _told_by_runs("moving_mass", "kg", recordings) if settings.moving_mass == "auto" else None
+    mass = settings.moving_mass if told is None else told
     return FitOptions(
         fit_lag=lag is None,
         force_lag=float(lag) if lag is not None else 0.0,
-        fit_mass=settings.moving_mass == "fit",
-        moving_mass=settings.moving_mass if isinstance(settings.moving_mass, float) else 0.0,
+        fit_mass=mass == "fit",
+        moving_mass=mass if isinstance(mass, float) else 0.0,
+        mass_known=isinstance(mass, float),
         scatter=settings.run_scatter,
         current_tolerance=settings.current_tolerance,
         starts=settings.starts,
     )
 
 
-def _dynamic(
-    runs: SortedRuns, options: FitOptions, settings: ShearSettings
-) -> tuple[Identification | None, list[Loop]]:
-    """Fit the dynamic model to the loops of the preload that has most of them; return the others beside it."""
+def _told_by_runs(name: str, unit: str, recordings: Sequence[Recording]) -> float | None:
+    """Return a property of the rig that runs may tell; None where none does.
+
+    Raises
+    ------
+    InputError
+        If two runs tell it differently.
+    """
+    told = {r.run: float(v) for r in recordings if isinstance(v := r.conditions.get(name), int | float)}
+    if not told:
+        return None
+    (first, value), *others = told.items()
+    for run, other in others:
+        if not math.isclose(other, value, rel_tol=1e-6):
+            raise InputError(
+                f"run '{first}' says {name} {value:g} {unit}, run '{run}' {other:g} {unit}: it belongs to the rig and is "
+                f"one for all runs of a campaign. Correct it, set '{name}' in the recipe's settings, or make two campaigns."
+            )
+    return value
+
+
+@dataclass
+class _Dynamic:
+    """The dynamic model as fitted, if it was; loops that do not enter it, with the reason; doubts."""
+
+    found: Identification | None = None
+    beside: dict[str, str] = field(default_factory=dict)
+    doubts: list[str] = field(default_factory=list)
+
+    def put_beside(self, loops: Sequence[Loop], reason: str) -> None:
+        self.beside.update({loop.run: f"loop metrics only, not in the dynamic fit: {reason}" for loop in loops})
+
+
+def _dynamic(runs: SortedRuns, options: FitOptions, settings: ShearSettings) -> _Dynamic:
+    """Fit the dynamic model to the loops of the preload that has most of them."""
+    outcome = _Dynamic()
     loops = [usable.loop for usable in runs.loops if usable.loop is not None]
     if not loops:
-        return None, []
+        return outcome
     main, others = split_by_preload(loops)
-    main = _settled_loops(_known_currents(main, runs), runs)
+    if others:
+        outcome.put_beside(others, "it is at another preload than most runs, or its preload is not known")
+        runs.say(
+            "note",
+            None,
+            "runs at another or an unknown preload do not enter the dynamic fit: "
+            f"{listing((loop.run for loop in others), 8)}.",
+        )
+    main = _settled_loops(_known_currents(main, runs, outcome), runs, outcome)
     if not main:
-        return None, others
+        return outcome
     try:
         found = identify_loops(main, options)
     except ValueError as error:
         runs.say("warning", None, f"the dynamic model was not fitted: {error}.")
-        return None, others
-    found = _with_mass(found, main, options, settings, runs)
+        return outcome
+    found, doubts = _with_mass(found, main, options, runs)
     found, odd, pair = set_odd_runs_aside(found, main, options)
     for run in odd:
         runs.set_aside(run.run, run.reason, "force")
     if pair:
-        runs.say(
-            "warning", None, f"{listing(pair)} contradict each other; which of them is wrong cannot be told.", "force"
-        )
+        said = f"{listing(pair)} contradict each other; which of them is wrong cannot be told."
+        runs.say("warning", None, said, "force")
+        outcome.doubts.append(f"Runs {said}")
     if odd:
         left = {loop.run for loop in found.selected.loops}
-        found = _with_mass(found, [loop for loop in main if loop.run in left], options, settings, runs)
+        found, doubts = _with_mass(found, [loop for loop in main if loop.run in left], options, runs)
     found = replace(found, selected=without_other_optima(found.selected))
     if found.selected.rejected:
         mains_instead(found.selected, main, options, settings.mains_frequency, runs)
-    return found, others
+    outcome.found = found
+    outcome.doubts += doubts
+    return outcome
 
 
 def _with_mass(
-    found: Identification, loops: list[Loop], options: FitOptions, settings: ShearSettings, runs: SortedRuns
-) -> Identification:
-    """Add the inertia of an untared mass to the model where the data ask for it.
-
-    It takes two frequencies to tell a mass from a stiffness.
-    """
-    fit = found.selected
-    frequencies = [loop.frequency for loop in loops]
-    several = max(frequencies) > _FREQUENCY_RATIO * min(frequencies)
-    noise_explains = fit.run_scatter == 0 and fit.chi2 <= fit.dof + 3 * math.sqrt(2 * fit.dof)
-    if settings.moving_mass != "auto" or not several or noise_explains or fit.dof < 1:
-        return found
-    try:
-        heavier = identify_loops(loops, replace(options, fit_mass=True))
-    except ValueError:  # too few data for one more parameter
-        return found
-    mass = heavier.selected.one("moving_mass")
-    gain = _bic(found) - _bic(heavier)
-    if heavier.selected.rejected or mass.ci95 is None or mass.ci95[0] <= 0:
-        return found
-    if not fit.rejected and gain < _MASS_GAIN:
-        return found
-    runs.say(
-        "warning",
-        None,
-        f"the force contains the inertia of an untared mass of {mass.value:.3g} kg; it is fitted along. Weigh platelet "
-        "and rod and set 'moving_mass' in the recipe.",
-        "force",
-    )
-    return heavier
+    found: Identification, loops: list[Loop], options: FitOptions, runs: SortedRuns
+) -> tuple[Identification, list[str]]:
+    """Add an untared mass where the data ask for it; return the fit and what is doubtful."""
+    decided = weigh_mass(found, loops, options)
+    if decided.mass is not None:
+        runs.say(
+            "warning",
+            None,
+            f"the force contains the inertia of an untared mass of {decided.mass:.3g} kg; it is fitted along. Weigh platelet "
+            "and rod and set 'moving_mass' in the recipe.",
+            "force",
+        )
+    return decided.found, [decided.doubt] if decided.doubt else []
 
 
-def _bic(found: Identification) -> float:
-    return next(v.bic for v in found.variants if v.variant == found.selected.variant)
-
-
-def _settled_loops(loops: list[Loop], runs: SortedRuns) -> list[Loop]:
+def _settled_loops(loops: list[Loop], runs: SortedRuns, outcome: _Dynamic) -> list[Loop]:
     """Leave out loops of so few cycles that the steady state cannot be seen."""
-    short = [loop.run for loop in loops if loop.duration * loop.frequency < _LEAST_CYCLES]
+    short = [loop for loop in loops if loop.duration * loop.frequency < _LEAST_CYCLES]
     if short:
+        outcome.put_beside(short, "less than two cycles")
+        said = f"less than two cycles in {listing((loop.run for loop in short), 6)}"
         runs.say(
             "warning",
             None,
-            f"less than two cycles in {listing(short, 6)}: whether the loop has settled cannot be seen, so that the model is "
-            "not fitted to them. Log more cycles.",
+            f"{said}: whether the loop has settled cannot be seen, so that the model is not fitted to them. Log more cycles.",
         )
-    return [loop for loop in loops if loop.run not in short]
+        outcome.doubts.append(f"Not in the dynamic fit: {said}.")
+    return [loop for loop in loops if loop not in short]
 
 
-def _known_currents(loops: list[Loop], runs: SortedRuns) -> list[Loop]:
+def _known_currents(loops: list[Loop], runs: SortedRuns, outcome: _Dynamic) -> list[Loop]:
     """Leave out loops without a current where others have one: their field terms are unknown."""
-    unknown = [loop.run for loop in loops if loop.current is None]
-    if unknown and len(unknown) < len(loops):
-        runs.say(
-            "warning",
-            None,
-            f"no coil current is known of {', '.join(unknown)}: they do not enter the dynamic fit; give "
-            "'coil_current'.",
-        )
-        return [loop for loop in loops if loop.current is not None]
-    return loops
+    unknown = [loop for loop in loops if loop.current is None]
+    if not unknown or len(unknown) == len(loops):
+        return loops
+    outcome.put_beside(unknown, "its coil current is not known")
+    said = f"no coil current is known of {listing((loop.run for loop in unknown), 6)}"
+    runs.say("warning", None, f"{said}: they do not enter the dynamic fit; give 'coil_current'.")
+    outcome.doubts.append(f"Not in the dynamic fit: {said}.")
+    return [loop for loop in loops if loop.current is not None]
 
 
 def _preloads(runs: SortedRuns, fit: DynamicFit | None) -> PreloadTable | None:
@@ -257,5 +276,6 @@ def _time_options(settings: ShearSettings, members: list[UsableRun]) -> TimeOpti
     )
 
 
-def _runs(recordings: Sequence[Recording], runs: SortedRuns) -> list[Run]:
-    return [Run(run=r.run, used=r.run not in runs.left_out, reason=runs.left_out.get(r.run, "")) for r in recordings]
+def _runs(recordings: Sequence[Recording], runs: SortedRuns, beside: Mapping[str, str]) -> list[Run]:
+    reasons = {**beside, **runs.left_out}
+    return [Run(run=r.run, used=r.run not in runs.left_out, reason=reasons.get(r.run, "")) for r in recordings]
