@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError, listing, nearest
+from pipeline.ingest.reader import RawLog
+from pipeline.ingest.said import said_by
 from pipeline.recording import Condition, QualityFinding
 from pipeline.recording.units import conversion, is_unit, quantity
 from pipeline.rigs.experiment import ConditionSpec
@@ -35,6 +37,23 @@ class Conditions:
     values: Mapping[str, Condition]
     sources: Mapping[str, str]
     notes: Sequence[QualityFinding] = field(default_factory=tuple)
+
+
+def of_logs(
+    run: str, recipe: Recipe, table: RunsTable | None, logs: Sequence[RawLog], file_names: Sequence[str]
+) -> Conditions:
+    """Gather the conditions of one run as `of_run` does, from all that its opened logs say, and note what is odd there.
+
+    Raises
+    ------
+    InputError
+        As `of_run`.
+    """
+    names = {spec.name for spec in recipe.experiment.channels}
+    names |= {entry.channel for entry in recipe.channels.values() if entry.channel is not None}
+    said = said_by(logs, (*recipe.experiment.conditions, SYNTHETIC), names)
+    found = of_run(run, recipe, table, said.metadata, file_names)
+    return replace(found, notes=(*said.notes, *found.notes))
 
 
 def of_run(
@@ -182,6 +201,11 @@ def name_pattern(recipe: Recipe) -> tuple[re.Pattern[str], dict[str, str | None]
     expression, units = "", dict[str, str | None]()
     text = recipe.file_name or ""
     parts = re.split(r"\{(\w*)(?::([^}]*))?\}", text)
+    if any(brace in literal for literal in parts[::3] for brace in "{}"):
+        raise InputError(
+            f"{recipe.path}: file_name: '{text}' has a brace without its partner; a condition stands between two: "
+            f"'run_{{{known[0] if known else ''}}}'."
+        )
     if len(parts) == 1:
         raise InputError(
             f"{recipe.path}: file_name: '{text}' names no condition; write one in braces, as 'run_{{{known[0] if known else ''}}}'."

@@ -171,15 +171,15 @@ class _Task:
 
 
 def _prepare(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Path) -> _Task:
-    metadata: dict[str, str] = {}
+    logs = []
     versions, hashes = [], []
     for _, path in entry.files:
         reader = reader_for(path)
         versions.append(f"{reader.name}-{reader.version}")
         hashes.append(sha256_of(path))
-        metadata.update(open_log(path).metadata)
+        logs.append(open_log(path))
     names = [path.name for _, path in entry.files]
-    conditions = run_conditions.of_run(entry.run, recipe, table, metadata, names)
+    conditions = run_conditions.of_logs(entry.run, recipe, table, logs, names)
     shown = {stream: _relative(path, base) for stream, path in entry.files}
     depends = {
         "version": [__version__, VERSION, *versions],

@@ -57,7 +57,7 @@ def _show_run(run: RunFiles, recipe: Recipe | None) -> int:
             click.echo(f"  {key}: {value}")
     quality = list(scan.quality)
     if recipe is not None:
-        quality += _by_experiment(run, recipe, scan, metadata)
+        quality += _by_experiment(run, recipe, scan)
     return _show_quality(quality)
 
 
@@ -94,14 +94,14 @@ def _show_table(table: TableScan) -> None:
         click.echo("  * as the experiment calls it")
 
 
-def _by_experiment(run: RunFiles, recipe: Recipe, scan: RunScan, metadata: dict[str, str]) -> list[QualityFinding]:
+def _by_experiment(run: RunFiles, recipe: Recipe, scan: RunScan) -> list[QualityFinding]:
     """Return what the experiment has to say: conditions, and its own physics where the channels are there."""
     from pipeline.ingest.ingest import ingest_run
     from pipeline.recording import QualityFinding
     from pipeline.recording.storage import read
 
     try:
-        given = conditions.of_run(run.run, recipe, None, metadata, [path.name for _, path in run.files])
+        given = conditions.of_logs(run.run, recipe, None, scan.logs, [path.name for _, path in run.files])
     except InputError as error:
         return [QualityFinding("error", str(error))]
     if given.values:

@@ -56,10 +56,20 @@ class RawTable(ABC):
 
 
 @dataclass(frozen=True)
+class Entry:
+    """One thing that a log says of itself, as text, and where: ``line 3``, ``the column 'fs'``."""
+
+    key: str
+    value: str
+    place: str
+
+
+@dataclass(frozen=True)
 class RawLog:
     """An opened log: its tables, what it says of itself, and how the reader understood it.
 
-    `metadata` are conditions that the log itself gives, as text (``{"static_load": "52 kN"}``).
+    `metadata` are conditions that the log itself gives, as text (``{"static_load": "52 kN"}``); `entries` are all
+    that it gives, with their places, also those that contradict each other, () where the reader keeps no places.
     `details` tell `rigfit check` how the file was understood (encoding, delimiter, compression).
     `notes` are findings of the whole file, without run.
     """
@@ -70,6 +80,7 @@ class RawLog:
     metadata: Mapping[str, str] = field(default_factory=dict)
     details: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[QualityFinding] = ()
+    entries: Sequence[Entry] = ()
 
 
 class Reader(ABC):

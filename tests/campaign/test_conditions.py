@@ -122,3 +122,9 @@ def test_a_broken_runs_table_is_answered_with_line_and_column(tmp_path: Path, te
 def test_a_misspelt_column_of_the_runs_table_is_said(tmp_path: Path) -> None:
     rows = table(tmp_path, "run,wire_diametre\na,1\n")
     assert "Did you mean 'wire_diameter'?" in rows.notes[0].message
+
+
+@pytest.mark.parametrize("pattern", ["pull_{wire_diameter", "pull_wire_diameter}", "{wire_diameter}_{x"])
+def test_a_brace_without_its_partner_in_the_pattern_is_refused(tmp_path: Path, pattern: str) -> None:
+    with pytest.raises(InputError, match="line 2: file_name: .* a brace without its partner"):
+        recipe(tmp_path, f'file_name: "{pattern}"\n')

@@ -19,9 +19,10 @@ from pipeline.ingest.delimited.dialect import Dialect
 from pipeline.ingest.delimited.encoding import Encoding
 from pipeline.ingest.delimited.head import LONG_LOOK, Head, Line, read_head
 from pipeline.ingest.delimited.header import unit_in_row
-from pipeline.ingest.delimited.preamble import entries
+from pipeline.ingest.delimited.preamble import placed_entries
 from pipeline.ingest.delimited.regular import RegularClock, labview_rows, labview_units, regular_clock
 from pipeline.ingest.delimited.stamps import is_order_doubtful
+from pipeline.ingest.reader import Entry
 from pipeline.recording import QualityFinding
 from pipeline.recording.units import is_unit
 
@@ -66,7 +67,7 @@ class Survey:
     """A layout with what else the head holds: entries, remarks, columns that seem to hold entries, the first rows."""
 
     layout: Layout
-    metadata: Mapping[str, str]
+    entries: tuple[Entry, ...]
     details: Mapping[str, str]
     notes: tuple[QualityFinding, ...]
     beside: tuple[Column, ...]
@@ -123,10 +124,12 @@ def survey(path: Path) -> Survey:
         has_remarks=bool(labview),
         last_decimals=_last_decimals(body.rows[:-1] if head.is_whole else body.rows, written.decimal),
     )
-    above = [text for index, text in enumerate(texts[: body.start]) if index not in header_indices]
+    above = [
+        (line.number, line.text) for index, line in enumerate(head.lines[: body.start]) if index not in header_indices
+    ]
     return Survey(
         layout,
-        entries(above, fit.dialect),
+        tuple(placed_entries(above, fit.dialect)),
         _details(head, layout, body),
         tuple(_notes(layout, head.lines, body, doubt)),
         tuple(beside),

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from itertools import islice
 
 from pipeline.ingest.delimited.cells import is_number
 from pipeline.ingest.delimited.dialect import BLANKS, Dialect
 from pipeline.ingest.delimited.header import is_known_unit, name_and_unit
+from pipeline.ingest.reader import Entry
 
 MOST_ENTRIES = 1000
 _LONGEST_KEY, _LONGEST_VALUE, _LONGEST_LINE = 80, 500, 2000
@@ -27,6 +29,12 @@ def entries(lines: Iterable[str], dialect: Dialect) -> dict[str, str]:
             if len(found) < MOST_ENTRIES:
                 found.setdefault(key, value)
     return found
+
+
+def placed_entries(lines: Iterable[tuple[int, str]], dialect: Dialect) -> list[Entry]:
+    """Return every entry of numbered lines with its place, also where a key comes again."""
+    pairs = ((n, pair) for n, line in lines for pair in _pairs(line[:_LONGEST_LINE], dialect))
+    return [Entry(key, value, f"line {n}") for n, (key, value) in islice(pairs, MOST_ENTRIES)]
 
 
 def _pairs(line: str, dialect: Dialect) -> list[tuple[str, str]]:

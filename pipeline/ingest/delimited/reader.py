@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
@@ -12,7 +13,7 @@ from pipeline.ingest.delimited.delimiter import detect
 from pipeline.ingest.delimited.encoding import detect as detect_encoding
 from pipeline.ingest.delimited.layout import FEWEST_ROWS, Layout, Survey, as_channel, survey
 from pipeline.ingest.delimited.table import DelimitedTable, parsed_chunks
-from pipeline.ingest.reader import RawLog, Reader
+from pipeline.ingest.reader import Entry, RawLog, Reader
 from pipeline.recording import QualityFinding
 
 _LIKELY_SCORE, _SURE_SUFFIXES = 0.3, (".csv", ".tsv")
@@ -22,7 +23,7 @@ class DelimitedReader(Reader):
     """Reads any text file that holds one table of numbers."""
 
     name: ClassVar[str] = "delimited text"
-    version: ClassVar[int] = 1
+    version: ClassVar[int] = 2
     suffixes: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".log")
 
     def recognises(self, head: bytes, suffix: str) -> bool:
@@ -43,16 +44,25 @@ class DelimitedReader(Reader):
     def open(self, path: Path) -> RawLog:
         """Find out how a file is written; its rows are read by the table's `blocks`."""
         found = survey(path)
-        layout, metadata, notes = _settled(found)
+        layout, beside, notes = _settled(found)
+        entries = (*found.entries, *(Entry(k, v, f"the column '{k}'") for k, v in beside.items()))
         refuse_same_names(layout.columns, str(path))
         return RawLog(
             path=path,
             format=self.name,
             tables=(DelimitedTable(layout),),
-            metadata={**found.metadata, **metadata},
+            metadata=_first_of_each(entries),
             details=found.details,
             notes=(*found.notes, *notes),
+            entries=entries,
         )
+
+
+def _first_of_each(entries: Sequence[Entry]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for entry in entries:
+        found.setdefault(entry.key, entry.value)
+    return found
 
 
 def _settled(found: Survey) -> tuple[Layout, dict[str, str], list[QualityFinding]]:
