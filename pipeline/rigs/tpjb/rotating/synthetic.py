@@ -155,12 +155,12 @@ def synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:
 
 def motion(run: RotatingRun, force: np.ndarray) -> np.ndarray:
     """Return the displacement from equilibrium (m) under the dynamic force (N), shape (2, n) both, x and y."""
-    from pipeline.rigs.tpjb.rotating.law import displacement
+    from pipeline.rigs.tpjb.rotating.law import equilibrium
 
     made = bearing(run.bearing)
     if run.law == "pads":
         return xy(*_pads(made, uv(force)))
-    return displacement(np.array([*made.stiffness, *made.quadratic]), force)
+    return equilibrium(np.array([*made.stiffness, *made.quadratic]), force)
 
 
 def _pads(made: Bearing, force: np.ndarray) -> np.ndarray:

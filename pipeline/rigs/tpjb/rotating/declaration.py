@@ -1,0 +1,119 @@
+"""`tpjb.rotating`: orbits under a slowly rotating load, harmonics, linear and quadratic stiffness (tpjb.md T3).
+
+Only the declaration stands here; `identify` does the work, so that listing experiments is fast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pydantic import Field
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import Section
+from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.experiment import Context, Experiment, ParameterSpec, Reference, Settings
+from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, channels
+
+
+class RotatingSettings(Settings):
+    """What a recipe of `tpjb.rotating` may set."""
+
+    average: float | None = Field(
+        None, gt=0, description="s, logs are averaged over it; by default a hundredth of a turn of the load"
+    )
+    dwell_level: float = Field(0.05, gt=0, lt=0.5, description="share of the full force below which it counts as zero")
+    least_turns: float = Field(3.0, ge=1, description="turns of the load that harmonics and THD ask for")
+    relevant: float = Field(
+        0.01, gt=0, lt=1, description="share of the 1X amplitude by which a term must change the orbit to be relevant"
+    )
+    thd_linear: float = Field(0.025, gt=0, lt=1, description="THD below which an orbit is called linear")
+    thd_nonlinear: float = Field(0.05, gt=0, lt=1, description="THD above which it is called nonlinear; sets rho*")
+
+
+_LINEAR = "eqs (3), (4), linear part"
+_QUADRATIC = "eqs (3), (4), quadratic part"
+_MIXED = "mixed term, not in the paper"
+PARAMETERS = (
+    ParameterSpec("kxx", "k_{xx}", "N/m", "stiffness, x force by x displacement", _LINEAR, key=True),
+    ParameterSpec("kxy", "k_{xy}", "N/m", "stiffness, x force by y displacement", _LINEAR),
+    ParameterSpec("kyx", "k_{yx}", "N/m", "stiffness, y force by x displacement", _LINEAR),
+    ParameterSpec("kyy", "k_{yy}", "N/m", "stiffness, y force by y displacement", _LINEAR, key=True),
+    ParameterSpec("kxx2", "k_{xx2}", "N/m^2", "x force by the square of x displacement", _QUADRATIC, key=True),
+    ParameterSpec("kxy2", "k_{xy2}", "N/m^2", "x force by the square of y displacement", _QUADRATIC),
+    ParameterSpec("kyx2", "k_{yx2}", "N/m^2", "y force by the square of x displacement", _QUADRATIC),
+    ParameterSpec("kyy2", "k_{yy2}", "N/m^2", "y force by the square of y displacement", _QUADRATIC, key=True),
+    ParameterSpec("kxxy", "k_{xxy}", "N/m^2", "x force by the product of the displacements", _MIXED),
+    ParameterSpec("kyxy", "k_{yxy}", "N/m^2", "y force by the product of the displacements", _MIXED),
+    ParameterSpec("thd", r"\mathrm{THD}", "1", "harmonics that the load does not explain, over the 1X", "sheet, 5 d"),
+    ParameterSpec("orbit_harmonic_x", "X_n", "m", "amplitude of the horizontal displacement, by order", "Fig. 8"),
+    ParameterSpec("orbit_harmonic_y", "Y_n", "m", "amplitude of the vertical displacement, by order", "Fig. 8"),
+    ParameterSpec("linear_limit", r"\rho^*", "1", "load ratio at which the THD is 5 %", "sheet, 5 d", key=True),
+)
+
+OREAR_1982 = Reference(
+    "orear1982",
+    "J. Orear",
+    "Least squares when both variables have uncertainties",
+    "American Journal of Physics",
+    1982,
+    volume="50",
+    pages="912-916",
+)
+SCHWARZ_1978 = Reference(
+    "schwarz1978",
+    "G. Schwarz",
+    "Estimating the dimension of a model",
+    "The Annals of Statistics",
+    1978,
+    volume="6",
+    pages="461-464",
+)
+
+
+def _identify(recordings: Sequence[Recording], settings: RotatingSettings, context: Context) -> Findings:
+    from pipeline.rigs.tpjb.rotating.identify import identify
+
+    return identify(recordings, settings, context)
+
+
+def _synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:
+    from pipeline.rigs.tpjb.rotating.synthetic import synthesize
+
+    return synthesize(truth, seed)
+
+
+def _sections(findings: Findings) -> Sequence[Section]:
+    from pipeline.rigs.tpjb.rotating.sections import sections
+
+    return sections(findings)
+
+
+def _methods(findings: Findings) -> Sequence[str]:
+    from pipeline.rigs.tpjb.rotating.methods import methods
+
+    return methods(findings)
+
+
+def _check(recording: Recording) -> Sequence[QualityFinding]:
+    from pipeline.rigs.tpjb.rotating.faults import check
+
+    return check(recording)
+
+
+ROTATING = Experiment(
+    id="tpjb.rotating",
+    title="Orbits of a tilting pad bearing under a rotating load",
+    summary="Linear and quadratic stiffness, orbit harmonics and the linear limit from a slowly turning force.",
+    references=(CIULLI_FORTE_2019, OREAR_1982, SCHWARZ_1978),
+    channels=channels("force_u", "force_v"),
+    conditions=CONDITIONS,
+    parameters=PARAMETERS,
+    settings=RotatingSettings,
+    identify=_identify,
+    synthesize=_synthesize,
+    sections=_sections,
+    methods=_methods,
+    check=_check,
+)
