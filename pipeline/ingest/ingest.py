@@ -152,10 +152,14 @@ def _findings(
 def _refuse_empty_channels(stream: StreamInSI, passage: Passage) -> None:
     for channel in passage.quality.empty_channels():
         if channel.required:
+            largest = stream.beyond.get(channel.name)
+            what = (
+                "no number" if largest is None else f"no number that can be (they reach {largest:.3g} {channel.unit})"
+            )
             raise InputError(
-                f"{stream.selection.source.where}, channel '{channel.raw.name}': holds no number in any of "
-                f"{passage.quality.sampling.n} rows; '{channel.name}' needs numbers. Check the sensor and the export, "
-                "or name another channel in the recipe."
+                f"{stream.selection.source.where}, channel '{channel.raw.name}': holds {what} in any of "
+                f"{passage.quality.sampling.n} rows; '{channel.name}' needs numbers. Check the sensor, its unit and the "
+                "export, or name another channel in the recipe."
             )
 
 

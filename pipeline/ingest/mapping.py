@@ -119,6 +119,8 @@ def resolve(
         that the recipe needs.
     """
     columns = [_Column(place, s, channel) for place, s in enumerate(sources) for channel in s.table.channels]
+    if specs:
+        refuse_time_alone(sources)
     taken: dict[int, list[SelectedChannel]] = {}
     notes: dict[int, list[QualityFinding]] = {}
     used: set[tuple[int, str]] = set()
@@ -140,6 +142,17 @@ def resolve(
         )
         for place in sorted(taken)
     )
+
+
+def refuse_time_alone(sources: Sequence[Source]) -> None:
+    """Raise InputError where logs have no more than one column, and that is time."""
+    channels = [channel for source in sources for channel in source.table.channels]
+    if len(channels) == len(sources) and all(plain(channel.name) in ("t", "time", "log_time") for channel in channels):
+        files = listing(dict.fromkeys(source.shown for source in sources))
+        raise InputError(
+            f"{files}: holds only a time column ('{channels[0].name}') and nothing that was measured. Expected is a "
+            "column a channel beside it: export the log again with its channels, or check how its columns are parted."
+        )
 
 
 def columns_listing(sources: Sequence[Source]) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.ingest.ingest import opened
-from pipeline.ingest.mapping import ChannelMap, SelectedChannel, Selection, Source, resolve
+from pipeline.ingest.mapping import ChannelMap, SelectedChannel, Selection, Source, refuse_time_alone, resolve
 from pipeline.ingest.naming import ChannelLike
 from pipeline.ingest.passage import Passage
 from pipeline.ingest.quality import StreamSummary
@@ -109,6 +109,11 @@ def _selections(
 ) -> list[Selection]:
     """Map each declared channel by itself, so that all that is missing is said."""
     chosen = [Selection(source, ()) for source in sources]
+    try:
+        refuse_time_alone(sources)
+    except InputError as error:
+        quality.append(QualityFinding("error", str(error)))
+        return chosen
     for spec in specs:
         try:
             found = resolve(sources, [spec], maps)

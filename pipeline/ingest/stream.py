@@ -47,12 +47,15 @@ class StreamInSI:
         Where its time comes from; `pipeline.ingest.timebase.align` may shift it before `pass_to`.
     repairs
         What was changed, complete after `pass_to`.
+    beyond
+        By channel, the largest finite magnitude (SI) that was taken as missing.
     """
 
     def __init__(self, selection: Selection, time: TimeSource) -> None:
         self.selection = selection
         self.clock = Clock(selection.source, time)
         self.repairs: list[QualityFinding] = []
+        self.beyond: dict[str, float] = {}
         self.time = time
         names = [*([time.channel] if time.channel is not None else []), *(c.raw.name for c in selection.channels)]
         self._names = list(dict.fromkeys(names))
@@ -101,6 +104,7 @@ class StreamInSI:
         """Pass blocks on and return the number of rows; `_DisorderError` where they are not in order."""
         timeless = _Tally()
         infinite = {channel.name: _Tally() for channel in self.selection.channels}
+        self.beyond = {}
         row, passed, last = 0, 0, -np.inf
         for block in blocks:
             time, keep = self._seconds(block, row, mended, timeless)
@@ -145,6 +149,9 @@ class StreamInSI:
                 values = channel.si(raw if keep is None else raw[keep])
                 suspect = channel.unit != "" and not abs(values.sum()) < _INFINITE
             if suspect and (wrong := np.abs(values) > _INFINITE).any():
+                finite = np.abs(values[wrong & np.isfinite(values)])
+                if finite.size:
+                    self.beyond[channel.name] = max(self.beyond.get(channel.name, 0.0), float(finite.max()))
                 values = np.where(wrong, np.nan, values)
                 infinite[channel.name].count(wrong, 0, time)
             columns[channel.name] = values
@@ -172,8 +179,10 @@ class StreamInSI:
             self.repairs.append(QualityFinding("note" if timeless.n <= 2 else "warning", message))
         for name, tally in infinite.items():
             if tally.n:
-                values = counted(tally.n, "infinite value")
-                message = f"{name}: {values}, first at {tally.first_time:.6g} s, taken as missing."
+                largest = self.beyond.get(name)
+                what = "infinite value" if largest is None else "value"
+                why = "" if largest is None else f" beyond {_INFINITE:g}, up to {largest:.3g}, which nothing measures"
+                message = f"{name}: {counted(tally.n, what)}{why}, first at {tally.first_time:.6g} s, taken as missing."
                 self.repairs.append(QualityFinding("warning", message, channel=name))
 
 

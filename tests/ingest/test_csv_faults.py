@@ -36,7 +36,7 @@ REFUSED = {
     "zeros": (b"\0" * 100, "zero bytes"),
     "binary": (bytes(range(256)) * 50, "is no text file .byte 0 is zero"),
     "control characters": (bytes(range(1, 9)) * 500, "is no text file"),
-    "zeros within": (GOOD.encode() + b"\0\0\n1,2\n", "is no text file .byte"),
+    "zeros within": (GOOD.encode() + b"\0\0\n1,2\n", "line 102 holds a zero byte .NUL, byte"),
     "header only": ("t,F\n", "no rows of numbers"),
     "prose": ("This is a text.\nIt has 5 words.\n", "no rows of numbers"),
     "three rows": ("t,F\n0,1\n1,2\n2,3\n", "only 3 rows of numbers; at least 4"),

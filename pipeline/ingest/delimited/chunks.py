@@ -122,6 +122,6 @@ def _refuse_text_behind_zeros(rest: bytes | bytearray, file: FileIO, path: Path,
         if rest.strip(b"\0\r\n\x1a"):
             raise InputError(
                 f"{path}: line {line} holds zero bytes with text behind them; the file is damaged there or is no text. "
-                "Copy it again from the logger, or cut it off before that line."
+                "Copy it again from the logger, or delete that line."
             )
         rest = file.read(CHUNK_BYTES)

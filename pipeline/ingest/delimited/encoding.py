@@ -61,6 +61,18 @@ def detect(head: bytes) -> Encoding | None:
     return Encoding("latin-1")
 
 
+def is_text_with_zeros(head: bytes) -> bool:
+    """Tell whether bytes are text but for some zero bytes: damage, where binary data would have other controls too.
+
+    Examples
+    --------
+    >>> is_text_with_zeros(b"time,force\\n0,1\\n0.1,\\x00\\n"), is_text_with_zeros(bytes(range(256)))
+    (True, False)
+    """
+    rest = head.replace(b"\0", b"")
+    return b"\0" in head and (not rest or (len(rest) > 0.5 * len(head) and detect(rest) is not None))
+
+
 def _wide_without_mark(head: bytes) -> Encoding | None:
     """UTF-16 of mostly Latin text has a zero in every other byte."""
     sample = head[: len(head) // 2 * 2][:4096]

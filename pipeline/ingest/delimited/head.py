@@ -10,10 +10,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, counted
 from pipeline.ingest.delimited.cells import is_number
 from pipeline.ingest.delimited.dialect import stray_quote, without_stray_quote
-from pipeline.ingest.delimited.encoding import Encoding, detect
+from pipeline.ingest.delimited.encoding import Encoding, detect, is_text_with_zeros
 
 FIRST_LOOK, LONG_LOOK = 1 << 16, 1 << 20
 LONGEST_LINE = 1 << 22
@@ -54,8 +54,15 @@ def read_head(path: Path, look: int = FIRST_LOOK) -> Head:
         what = "is empty" if not data else "holds nothing but blanks, line ends or zero bytes"
         raise InputError(f"{path}: {what}. Expected is a table of numbers; was the recording written to its end?")
     encoding = detect(data) or detect(data.rstrip(b"\0"))  # zeros at the end are what a power cut leaves
+    zero = data.find(b"\0")
+    if encoding is None and is_text_with_zeros(data):
+        line = data.count(b"\n", 0, zero) + 1
+        raise InputError(
+            f"{path}: line {line} holds a zero byte (NUL, byte {zero} of the file) among "
+            f"its text, {counted(data.count(0), 'such byte')} in the first {len(data)}: the file is damaged there. Copy "
+            "it again from the logger, or delete that line."
+        )
     if encoding is None:
-        zero = data.find(b"\0")
         what = f"byte {zero} is zero" if zero >= 0 else "it holds control characters"
         raise InputError(
             f"{path}: is no text file ({what}). Expected is a table of numbers as text, or a known log format."

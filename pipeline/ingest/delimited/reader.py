@@ -11,6 +11,7 @@ from pipeline.errors import InputError
 from pipeline.ingest.delimited.columns import Column, entries_in_columns, refuse_same_names
 from pipeline.ingest.delimited.delimiter import detect
 from pipeline.ingest.delimited.encoding import detect as detect_encoding
+from pipeline.ingest.delimited.encoding import is_text_with_zeros
 from pipeline.ingest.delimited.layout import FEWEST_ROWS, Layout, Survey, as_channel, survey
 from pipeline.ingest.delimited.table import DelimitedTable, parsed_chunks
 from pipeline.ingest.reader import Entry, RawLog, Reader
@@ -29,6 +30,8 @@ class DelimitedReader(Reader):
     def recognises(self, head: bytes, suffix: str) -> bool:
         """Tell whether this is text with rows of numbers; what is called .csv and is text is meant to be."""
         encoding = detect_encoding(head)
+        if suffix in self.suffixes and encoding is None:
+            return is_text_with_zeros(head)  # `open` names the line
         if encoding is None:
             return False
         if suffix in _SURE_SUFFIXES:

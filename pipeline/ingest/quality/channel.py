@@ -109,14 +109,22 @@ class ChannelQuality:
         clipped = {tops.level for tops in (self._upper.clipped(), self._lower.clipped()) if tops}
         return [stretch for stretch in self.stretches.stuck() if stretch.value not in clipped]
 
-    def findings(self) -> list[QualityFinding]:
-        """Return what is to be said, at most one finding of each kind; stuck stretches are said by the stream."""
+    @property
+    def reached(self) -> float:
+        """The largest magnitude, SI; NaN where there is no value."""
+        return max(abs(self._upper.level), abs(self._lower.level)) if self.present else math.nan
+
+    def findings(self, swapped_with: str = "") -> list[QualityFinding]:
+        """Return what is to be said, at most one finding of each kind; stuck stretches are said by the stream.
+
+        `swapped_with` is the channel whose samples these would fit, if any.
+        """
         if not self.n:
             return []
         if not self.present:
             level: Level = "error" if self.channel.required else "warning"
             return [self._said(level, "has no value (NaN) in any sample.")]
-        said = [*self._said_missing(), *self._said_limit()]
+        said = [*self._said_missing(), *self._said_limit(swapped_with)]
         if self.is_dead:
             return [*said, self._said_dead()]
         return [*said, *self._said_clipped(), *self._said_spikes(), *self._said_resolution()]
@@ -180,16 +188,18 @@ class ChannelQuality:
             return []
         return [self._said("note", f"comes in steps of {self._value(step)}, only {levels} of them over its range.")]
 
-    def _said_limit(self) -> list[QualityFinding]:
+    def _said_limit(self, swapped_with: str) -> list[QualityFinding]:
         limit = self.channel.limit
         if limit is None:
             return []
-        reached = max(abs(self._upper.level), abs(self._lower.level))
+        reached = self.reached
         if reached <= limit:
             return []
         guess = "; check its unit and its calibration."
         if reached > 3.0 * limit:
             guess = _mistaken_unit(self.channel, reached, limit) or guess
+        if swapped_with:
+            guess = f"; it looks swapped with '{swapped_with}', whose numbers would fit here."
         return [
             self._said(
                 "warning", f"reaches {self._value(reached)}, more than the plausible {self._value(limit)}{guess}"

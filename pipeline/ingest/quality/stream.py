@@ -60,8 +60,23 @@ class StreamQuality:
         """Return what is to be said, without run."""
         found = self.sampling.findings()
         for quality in self._channels:
-            found += quality.findings()
+            found += quality.findings(self._swapped_with(quality))
         return [*found, *self._said_stuck()]
+
+    def _swapped_with(self, one: ChannelQuality) -> str:
+        """Return the channel that would be plausible in the place of `one`, which is not, and `one` in its."""
+        limit = one.channel.limit
+        if limit is None or not one.reached > 3.0 * limit:
+            return ""
+        fitting = [
+            other.channel.name
+            for other in self._channels
+            if other.channel.limit is not None
+            and 0 < other.reached <= limit
+            and one.reached <= other.channel.limit
+            and other.channel.unit != one.channel.unit
+        ]
+        return fitting[0] if len(fitting) == 1 else ""
 
     def summary(self) -> StreamSummary:
         """Return the numbers of the stream and of its channels, in the order of the declarations."""
