@@ -20,12 +20,14 @@ Role = Literal["measured", "model", "reference", "residual", "fault"] | int
 class Axis:
     """Label without unit, SI unit, scale. The report picks mm for m and the like.
 
+    `whole` keeps the ticks at whole numbers (orders, runs).
     Units that are no SI units say how numbers are read: '%' a ratio, 'degC' an absolute temperature in K.
     """
 
     label: str
     unit: str = "1"
     scale: Literal["linear", "log"] = "linear"
+    whole: bool = False
 
 
 @dataclass(frozen=True)

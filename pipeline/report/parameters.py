@@ -23,6 +23,7 @@ from pipeline.rigs.experiment import Experiment
 
 # A key parameter with more operating points than that is summed up by its range.
 _MOST_KEY_ROWS = 6
+_MOST_COLUMNS = 8
 _UNDETERMINED = "not determined"
 _SAID_ALREADY = re.compile(rf"^(?:[^:;,]{{0,40}} (?:is|are) )?{_UNDETERMINED}(?:[:;,] |$)")
 
@@ -89,7 +90,20 @@ def parameter_tables(findings: Findings, experiment: Experiment) -> list[TableVi
         if parameter.at:
             groups.setdefault(tuple(sorted(parameter.at)), []).append(parameter)
     views = [_constant_view(constant, experiment)] if constant else []
-    return views + [_varying_view(parameters, experiment) for parameters in groups.values()]
+    return views + [
+        _varying_view(part, experiment) for parameters in groups.values() for part in _narrow_enough(parameters)
+    ]
+
+
+def _narrow_enough(parameters: Sequence[Parameter]) -> list[list[Parameter]]:
+    """Part parameters of the same operating points, by name, into tables that a page is wide enough for."""
+    names = list(dict.fromkeys(parameter.name for parameter in parameters))
+    tables = max(-(-len(names) // max(_MOST_COLUMNS - len(parameters[0].at), 1)), 1)
+    each = -(-len(names) // tables)
+    return [
+        [parameter for parameter in parameters if parameter.name in names[start : start + each]]
+        for start in range(0, len(names), each)
+    ]
 
 
 def common_unit(parameters: Sequence[Parameter]) -> ReadingUnit:

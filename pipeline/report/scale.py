@@ -25,6 +25,7 @@ class Scale:
     log: bool
     low: float
     high: float
+    whole: bool = False
 
     def shown(self, si: object) -> np.ndarray:
         """Return SI numbers in the unit for reading; what a logarithmic axis cannot show becomes NaN."""
@@ -43,7 +44,7 @@ class Scale:
             places = _log_places(self.low, self.high, most)
             if places:
                 return places, [_log_text(place) for place in places]
-        places = _linear_places(self.low, self.high, most, self.unit.name == "°")
+        places = _linear_places(self.low, self.high, most, self.unit.name == "°", self.whole)
         return places, _linear_texts(places)
 
     def read_in(self, unit: ReadingUnit) -> Scale:
@@ -105,7 +106,7 @@ def scale(axis: Axis, unit: ReadingUnit, limits: tuple[float, float] | None) -> 
     span = high - low
     if span <= 1e-12 * max(abs(low), abs(high)):
         span = abs(high) or 1.0
-    return Scale(axis.label, unit, False, low - _MARGIN * span, high + _MARGIN * span)
+    return Scale(axis.label, unit, False, low - _MARGIN * span, high + _MARGIN * span, axis.whole)
 
 
 def equal(x: Scale, y: Scale, width: float, height: float) -> tuple[Scale, Scale]:
@@ -119,11 +120,13 @@ def equal(x: Scale, y: Scale, width: float, height: float) -> tuple[Scale, Scale
     return grown(x, width), grown(y, height)
 
 
-def _linear_places(low: float, high: float, most: int, degrees: bool) -> list[float]:
+def _linear_places(low: float, high: float, most: int, degrees: bool, whole: bool) -> list[float]:
     from matplotlib.ticker import MaxNLocator
 
     turns = degrees and high - low > 60
-    locator = MaxNLocator(nbins=max(most, 2), steps=[1, 1.5, 3, 4.5, 9, 10] if turns else [1, 2, 2.5, 5, 10])
+    locator = MaxNLocator(
+        nbins=max(most, 2), steps=[1, 1.5, 3, 4.5, 9, 10] if turns else [1, 2, 2.5, 5, 10], integer=whole
+    )
     slack = 1e-9 * (high - low)
     return [float(place) for place in locator.tick_values(low, high) if low - slack <= place <= high + slack]
 

@@ -13,14 +13,17 @@ from pipeline.rigs.mre.leave_one_out import LeaveOneOut
 from pipeline.rigs.mre.loop import Loop, curve, drift_degree
 from pipeline.rigs.mre.preload import PreloadTable
 from pipeline.rigs.mre.shear_parameters import run_metrics
-from pipeline.rigs.mre.shear_residuals import agreement, field_laws, residual_checks
+from pipeline.rigs.mre.shear_residuals import METRICS, agreement, field_laws, residual_checks
 from pipeline.rigs.mre.shear_sorted import SortedRuns
 from pipeline.rigs.mre.time_fit import TimeFit
 
-_POINTS, _SAMPLES, _SERIES = 256, 600, 3000
+_POINTS, _SAMPLES, _SERIES = 256, 400, 3000
 # Beyond this many runs only the tables per run are kept, not every loop.
 _LOOPS_KEPT = 60
-_LINE_POINTS = 25
+# Model lines: runs whose frequency (or amplitude) differs by less than this ratio share one; how far a line goes
+# beyond its runs; points of a long and of a short one.
+_LINES, _SAME, _BEYOND = 48, 1.05, (0.85, 1.18)
+_LINE_POINTS, _STROKE_POINTS = 25, 7
 
 
 def arrays_of(
@@ -152,23 +155,38 @@ def _correlation(fit: DynamicFit | None, times: Sequence[TimeFit]) -> pd.DataFra
 
 
 def _model_lines(fit: DynamicFit | None) -> pd.DataFrame:
-    """Return what the model says between and around the measured frequencies and amplitudes."""
+    """Return what the model says around the runs: over the frequency at their amplitude, and the other way round.
+
+    Runs of one current that differ in `over` alone share a line. Beyond `_LINES` of them there is one line
+    a current, at the median of what is held (`own` is false then).
+    """
     if fit is None or fit.rejected:
         return pd.DataFrame()
-    frequencies = np.array([loop.frequency for loop in fit.loops])
-    amplitudes = np.array([loop.amplitude for loop in fit.loops])
-    middle_f, middle_x = float(np.median(frequencies)), float(np.median(amplitudes))
-    grid_f = np.geomspace(0.7 * frequencies.min(), 1.4 * frequencies.max(), _LINE_POINTS)
-    grid_x = np.geomspace(0.7 * amplitudes.min(), 1.4 * amplitudes.max(), _LINE_POINTS)
+    levels = np.array(fit.levels or (0.0,))
+    runs = pd.DataFrame(
+        {
+            "current": [levels[np.abs(levels - (loop.current or 0.0)).argmin()] for loop in fit.loops],
+            "frequency": [loop.frequency for loop in fit.loops],
+            "amplitude": [loop.amplitude for loop in fit.loops],
+        }
+    )
     rows = []
-    for current in fit.levels or (0.0,):
-        points = [("frequency", f, middle_x) for f in grid_f] + [("amplitude", middle_f, x) for x in grid_x]
-        for over, f, x in points:
-            found = fit.loop_at(float(x), float(f), current)
-            row = {"over": over, "current": current, "frequency": f, "amplitude": x}
-            rows.append(
-                {**row, **{k: found[k] for k in ("stiffness_secant", "stiffness_storage", "damping", "loss_factor")}}
-            )
+    for over, held in (("frequency", "amplitude"), ("amplitude", "frequency")):
+        order = runs.sort_values(["current", held])
+        apart = (order[held] > _SAME * order[held].shift()) | (order["current"] != order["current"].shift())
+        lines = [part for _, part in order.groupby(apart.cumsum())]
+        own = len(lines) <= _LINES
+        if not own:
+            lines = [part for _, part in order.groupby("current")]
+        for number, part in enumerate(lines):
+            low, high = (_BEYOND[0] * part[over].min(), _BEYOND[1] * part[over].max())
+            points = _LINE_POINTS if high > 3 * low else _STROKE_POINTS
+            current, kept = float(part["current"].iloc[0]), float(part[held].median())
+            for value in np.geomspace(low, high, points).tolist():
+                at = {held: kept, over: value}
+                found = fit.loop_at(at["amplitude"], at["frequency"], current)
+                metrics = {name: found[name] for name in METRICS}
+                rows.append({"over": over, "line": number, "own": own, "current": current, **at, **metrics})
     return pd.DataFrame(rows)
 
 

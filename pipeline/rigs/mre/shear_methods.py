@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.errors import listing
+from pipeline.errors import counted, listing
 from pipeline.findings import Findings
 from pipeline.rigs.mre.shear_parameters import VARIANT_TEXTS
 
@@ -24,17 +24,21 @@ def methods(findings: Findings) -> Sequence[str]:
         paragraphs.append(_time(findings))
     if kinds.get("half_cycle"):
         paragraphs.append(
-            f"{int(kinds['half_cycle'])} runs hold one loading and unloading only. Their secant stiffness is the force at "
-            "the turn over the displacement there, their loss the work between both branches over the displacements that "
+            f"{_runs_hold(int(kinds['half_cycle']))} one loading and unloading only. The secant stiffness of a run is the force at "
+            "the turn over the displacement there, its loss the work between both branches over the displacements that "
             "the unloading covers again."
         )
     return paragraphs
 
 
+def _runs_hold(count: int) -> str:
+    return f"{counted(count, 'run')} {'holds' if count == 1 else 'hold'}"
+
+
 def _selection(findings: Findings) -> str:
     left = [run.run for run in findings.runs if not run.used]
     told = (
-        f" {len(left)} of {len(findings.runs)} runs were left out ({listing(left, 8)}), each for the reason given."
+        f" {len(left)} of {counted(len(findings.runs), 'run')} {'was' if len(left) == 1 else 'were'} left out ({listing(left, 8)}), each for the reason given."
         if left
         else ""
     )
@@ -60,7 +64,7 @@ def _loops(findings: Findings, count: int) -> str:
     mains = findings.settings.get("mains_frequency", 50.0)
     spared = f" Harmonics within 2/T of a multiple of {mains:g} Hz were left out." if mains else ""
     return (
-        f"{count} runs hold steady cycles. The fundamental frequency was fitted to the displacement, and harmonics 1 to 5 of "
+        f"{_runs_hold(count)} steady cycles. The fundamental frequency was fitted to the displacement, and harmonics 1 to 5 of "
         "the displacement and 1 to 15 of the force were regressed at the recorded time stamps, together with a slow "
         f"drift.{spared} Secant stiffness is the ratio of the half peak-to-peak values of the fitted curves, storage "
         "stiffness and loss factor come from the first harmonics, and damping is the loop area over pi omega X^2 "

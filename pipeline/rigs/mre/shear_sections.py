@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -214,8 +214,7 @@ def _metrics(findings: Findings) -> list[Figure | Table]:
         for over, label, unit in (("frequency", "frequency", "Hz"), ("amplitude", "amplitude", "m")):
             if fitted[over].max() > 1.05 * fitted[over].min():
                 blocks.append(_against(findings, fitted, over, Axis(label, unit)))
-    blocks.append(_metrics_table(findings, runs))
-    return blocks
+    return [*blocks, *_metrics_tables(findings, runs)]
 
 
 def _against(findings: Findings, runs: pd.DataFrame, over: str, axis: Axis) -> Figure:
@@ -239,53 +238,72 @@ def _against(findings: Findings, runs: pd.DataFrame, over: str, axis: Axis) -> F
                 )
             )
             if lines is not None:
-                curve = lines[lines["over"] == over]
-                curve = curve if level is None else curve[(curve["current"] - level).abs() < 0.3]
-                marks.append(Line(curve[over].to_numpy(), curve[name].to_numpy(), number))
+                curves = lines[lines["over"] == over]
+                curves = curves if level is None else curves[(curves["current"] - level).abs() < 0.3]
+                if len(curves):
+                    marks.append(Line(*_strokes(curves, over, name), number))
         panels.append(Panel(marks, axis, y, y.label))
     other = "amplitude" if over == "frequency" else "frequency"
+    drawn = ""
+    if lines is not None:
+        own = bool(lines.loc[lines["over"] == over, "own"].all())
+        drawn = (
+            f"; lines: the model at the {other} of the runs that they pass."
+            if own
+            else f"; lines: the model at the median {other}, so points at another may lie off them without contradiction."
+        )
     return Figure(
         f"metrics_{over}",
         f"Stiffness and damping over {over}",
-        f"How do stiffness and damping change with {over}? Points with 95 % intervals: each run at its own {other}; lines: "
-        f"the model at the median {other}, so points may lie off them without contradiction.",
+        f"How do stiffness and damping change with {over}? Points with 95 % intervals: each run at its own {other}"
+        f"{drawn or '.'}",
         f"secant and storage stiffness, damping and loss factor over {over}, one colour a current",
         panels,
         columns=2,
     )
 
 
-def _metrics_table(findings: Findings, runs: pd.DataFrame) -> Table:
-    moduli = "shear_modulus_storage" in runs
-    names = [*METRICS, *(("shear_modulus_storage", "shear_modulus_loss") if moduli else ())]
-    headings = {
-        "stiffness_secant": "K_sec",
-        "stiffness_storage": "K'",
-        "damping": "damping",
-        "loss_factor": "loss factor",
-    }
-    headings |= {"shear_modulus_storage": "G'", "shear_modulus_loss": "G''"}
-    units = {"stiffness_secant": "N/m", "stiffness_storage": "N/m", "damping": "N s/m", "loss_factor": "1"}
-    units |= {"shear_modulus_storage": "Pa", "shear_modulus_loss": "Pa"}
+def _strokes(curves: pd.DataFrame, over: str, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return lines one after the other, with a gap (NaN) between them."""
+    parts = [np.r_[part[[over, name]].to_numpy(float), [[np.nan, np.nan]]] for _, part in curves.groupby("line")]
+    x, y = np.concatenate(parts).T
+    return x, y
+
+
+def _metrics_tables(findings: Findings, runs: pd.DataFrame) -> list[Table]:
+    tables = [
+        _run_table(
+            findings,
+            runs,
+            "metrics",
+            "Loop metrics",
+            "Each run by itself, without the dynamic model. For an ellipse K_sec is |K*|, not K'.",
+            {
+                "stiffness_secant": Column("K_sec", "N/m"),
+                "stiffness_storage": Column("K'", "N/m"),
+                "damping": Column("damping", "N s/m"),
+                "loss_factor": Column("loss factor", "1"),
+            },
+        )
+    ]
+    if "shear_modulus_storage" in runs:
+        moduli = {"shear_modulus_storage": Column("G'", "Pa"), "shear_modulus_loss": Column("G''", "Pa")}
+        told = "K' and K'' of each run times h/(2A), for the pads as declared."
+        tables.append(_run_table(findings, runs, "moduli", "Shear moduli", told, moduli))
+    return tables
+
+
+def _run_table(
+    findings: Findings, runs: pd.DataFrame, name: str, title: str, caption: str, columns: Mapping[str, Column]
+) -> Table:
     by_run = {(p.name, p.at.get("run")): p for p in findings.parameters}
     rows = []
     for row in runs.head(200).to_dict("records"):
         cells: list[str | float | Value | None] = [str(row["run"]), row["frequency"], row["amplitude"]]
         cells.append(level_text(row["current"]) if pd.notna(row["current"]) else "")
-        for name in names:
-            found = by_run.get((name, row["run"]))
+        for column in columns:
+            found = by_run.get((column, row["run"]))
             cells.append(Value(found.value, found.std_error, found.ci95) if found else None)
         rows.append(cells)
-    return Table(
-        "metrics",
-        "Loop metrics",
-        "Each run by itself, without the dynamic model. For an ellipse K_sec is |K*|, not K'.",
-        [
-            Column("run"),
-            Column("frequency", "Hz"),
-            Column("amplitude", "m"),
-            Column("current"),
-            *(Column(headings[name], units[name]) for name in names),
-        ],
-        rows,
-    )
+    first = [Column("run"), Column("frequency", "Hz"), Column("amplitude", "m"), Column("current")]
+    return Table(name, title, caption, [*first, *columns.values()], rows)

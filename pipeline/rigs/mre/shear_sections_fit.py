@@ -43,7 +43,9 @@ def _agreement(findings: Findings) -> list[Figure]:
             Points(order, off - 1, "measured", "measured less model", low - 1, high - 1),
             Rule(y=0.0),
         ]
-        panels.append(Panel(marks, Axis("run, in the order of the table"), Axis("off the model", "%"), label))
+        panels.append(
+            Panel(marks, Axis("run, in the order of the table", whole=True), Axis("off the model", "%"), label)
+        )
     return [
         Figure(
             "agreement",
@@ -97,7 +99,7 @@ def _sequence(findings: Findings) -> list[Figure]:
             "Does the sample change during the campaign (heating, Mullins effect, relaxation)? Force of each run against "
             "the model; a trend would be one, scatter about zero is none.",
             "relative gain of each run over its place in the sequence",
-            [Panel(marks, Axis("place in the sequence"), Axis("force against the model", "%"))],
+            [Panel(marks, Axis("place in the sequence", whole=True), Axis("force against the model", "%"))],
         )
     ]
 
@@ -130,8 +132,8 @@ def _residuals(findings: Findings) -> list[Figure]:
         return []
     order = table["order"].to_numpy(float)
     marks: list[Mark] = [
-        Points(order - 0.12, table["real"].to_numpy(), "residual", "in phase"),
-        Points(order + 0.12, table["imaginary"].to_numpy(), "model", "out of phase"),
+        Points(order - 0.12, table["real"].to_numpy(), 0, "in phase"),
+        Points(order + 0.12, table["imaginary"].to_numpy(), 1, "out of phase"),
         Rule(y=1.96, label="95 %"),
         Rule(y=-1.96),
     ]
@@ -143,7 +145,7 @@ def _residuals(findings: Findings) -> list[Figure]:
             f"Is the residual no more than noise? Misfit of every harmonic of every run over its standard deviation, run "
             f"scatter not taken out; {100 * share:.0f} % lie within 1.96, 95 % would for pure noise.",
             "normalised residual over the order of the harmonic",
-            [Panel(marks, Axis("order of the harmonic"), Axis("residual over its standard deviation"))],
+            [Panel(marks, Axis("order of the harmonic", whole=True), Axis("residual over its standard deviation"))],
         )
     ]
 
