@@ -24,6 +24,7 @@ from pipeline.ingest.ingest import VERSION, ingest_run
 from pipeline.ingest.registry import open_log, reader_for
 from pipeline.recording import QualityFinding, Recording
 from pipeline.recording.storage import read, sha256_of, whole_or_not
+from pipeline.rigs.experiment import Experiment
 
 MANIFEST = "manifest.json"
 Progress = Callable[[str], None]
@@ -203,13 +204,25 @@ def _read_one(task: _Task, folder: Path) -> tuple[str, dict[str, str] | str]:
             task.conditions.values,
             task.conditions.sources,
             folder,
-            check=task.recipe.experiment.check,
+            check=_noticed_by(task.recipe.experiment),
             notes=task.conditions.notes,
             shown=task.shown,
         )
     except InputError as error:
         return task.run, str(error)
     return task.run, {path.name: sha256_of(path) for path in paths}
+
+
+def _noticed_by(experiment: Experiment) -> Callable[[Recording], Sequence[QualityFinding]]:
+    """Return the experiment's check without what leaves a run out: identification says that itself."""
+
+    def notice(recording: Recording) -> Sequence[QualityFinding]:
+        try:
+            return [finding for finding in experiment.check(recording) if finding.level != "error"]
+        except InputError:
+            return ()
+
+    return notice
 
 
 def _damaged(folder: Path, files: Mapping[str, str]) -> list[str]:

@@ -5,60 +5,75 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from pipeline.campaign import conditions, logs
+from pipeline.campaign import conditions, logs, runs_table
 from pipeline.campaign.logs import RunFiles
 from pipeline.campaign.recipe import Recipe, load
+from pipeline.campaign.runs_table import RunsTable
 from pipeline.errors import InputError
-from pipeline.ingest.scan import RunScan, TableScan, scan_run
+from pipeline.ingest.scan import TableScan, scan_run
+from pipeline.recording import QualityFinding
 from pipeline.rigs.registry import experiment as find_experiment
-
-if TYPE_CHECKING:
-    from pipeline.recording import QualityFinding
 
 _ORDER = {"error": 0, "warning": 1, "note": 2}
 
 
-def show(paths: Sequence[Path], experiment_id: str | None, recipe_path: Path | None) -> int:
-    """Print what the logs hold; return 0, 1 where something in a log is an error, 2 where one cannot be read."""
+def show(
+    paths: Sequence[Path], experiment_id: str | None, recipe_path: Path | None, runs_path: Path | None = None
+) -> int:
+    """Print what the logs hold; return 0, 1 where something in a log is an error, 2 where one cannot be used.
+
+    With an experiment these are the statuses of `rigfit run`, as far as each log tells by itself.
+    """
     recipe = None
     if recipe_path is not None:
         recipe = load(recipe_path, experiment_id)
     elif experiment_id is not None:
         recipe = Recipe.default(find_experiment(experiment_id))
+    table = None
+    if runs_path is not None:
+        if recipe is None:
+            raise InputError(
+                f"{runs_path}: which conditions it gives depends on the experiment; name it with --experiment."
+            )
+        table = runs_table.read(runs_path, recipe.experiment, str(runs_path))
     status = 0
     for number, run in enumerate(logs.runs_of(logs.as_given(paths))):
         if number:
             click.echo()
         try:
-            status = max(status, _show_run(run, recipe))
+            status = max(status, _show_run(run, recipe, table))
         except InputError as error:
             click.echo(f"rigfit: {' '.join(str(error).split())}", err=True)
             status = 2
     return status
 
 
-def _show_run(run: RunFiles, recipe: Recipe | None) -> int:
+def _show_run(run: RunFiles, recipe: Recipe | None, table: RunsTable | None) -> int:
     names = {stream: str(path) for stream, path in run.files}
     specs = recipe.experiment.channels if recipe else ()
     scan = scan_run(run.files, specs, recipe.channels if recipe else None, names)
     for log in scan.logs:
         about = ", ".join(f"{key} {value}" for key, value in log.details.items())
         click.echo(f"{log.path}: {log.format}{f' ({about})' if about else ''}")
-    for table in scan.tables:
-        _show_table(table)
+    for part in scan.tables:
+        _show_table(part)
     metadata = {key: value for log in scan.logs for key, value in log.metadata.items()}
     if metadata:
         click.echo("said by the log:")
         for key, value in metadata.items():
             click.echo(f"  {key}: {value}")
-    quality = list(scan.quality)
+    quality, refused = list(scan.quality), False
     if recipe is not None:
-        quality += _by_experiment(run, recipe, scan)
-    return _show_quality(quality)
+        try:
+            quality += _by_experiment(run, recipe, table, names, metadata)
+        except InputError as error:
+            refused = True
+            if not any(str(error) in finding.message for finding in quality):
+                quality.append(QualityFinding("error", str(error)))
+    return max(_show_quality(quality), 2 if refused else 0)
 
 
 def _show_table(table: TableScan) -> None:
@@ -94,16 +109,20 @@ def _show_table(table: TableScan) -> None:
         click.echo("  * as the experiment calls it")
 
 
-def _by_experiment(run: RunFiles, recipe: Recipe, scan: RunScan) -> list[QualityFinding]:
-    """Return what the experiment has to say: conditions, and its own physics where the channels are there."""
+def _by_experiment(
+    run: RunFiles, recipe: Recipe, table: RunsTable | None, names: dict[str, str], metadata: dict[str, str]
+) -> list[QualityFinding]:
+    """Return what the experiment has to say: conditions, and its own physics.
+
+    Raises
+    ------
+    InputError
+        Where `rigfit run` would refuse this log.
+    """
     from pipeline.ingest.ingest import ingest_run
-    from pipeline.recording import QualityFinding
     from pipeline.recording.storage import read
 
-    try:
-        given = conditions.of_logs(run.run, recipe, None, scan.logs, [path.name for _, path in run.files])
-    except InputError as error:
-        return [QualityFinding("error", str(error))]
+    given = conditions.of_run(run.run, recipe, table, metadata, [path.name for _, path in run.files])
     if given.values:
         click.echo("conditions:")
         for name, value in given.values.items():
@@ -112,13 +131,18 @@ def _by_experiment(run: RunFiles, recipe: Recipe, scan: RunScan) -> list[Quality
             shown = f"{value:.6g} {unit}".strip() if isinstance(value, float) else str(value)
             click.echo(f"  {name}: {shown} (from {given.sources[name]})")
     found = list(given.notes)
-    if any(finding.level == "error" for finding in scan.quality):
-        return found
     with tempfile.TemporaryDirectory() as folder:
         paths = ingest_run(
-            run.run, run.files, recipe.experiment.channels, recipe.channels, given.values, given.sources, Path(folder)
+            run.run,
+            run.files,
+            recipe.experiment.channels,
+            recipe.channels,
+            given.values,
+            given.sources,
+            Path(folder),
+            shown=names,
         )
-        found += recipe.experiment.check(read(paths))
+        found += recipe.experiment.check(read(paths, lazily=True))
     return found
 
 

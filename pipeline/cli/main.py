@@ -70,7 +70,8 @@ def new(experiment: str, campaign: str, title: str) -> None:
 @click.argument("logs", nargs=-1, required=True, type=PATH)
 @click.option("--experiment", "-e", help="Also check against what this experiment needs, as mre.shear.")
 @click.option("--recipe", "-r", type=PATH, help="Recipe that maps the logs' channels.")
-def check(logs: tuple[Path, ...], experiment: str | None, recipe: Path | None) -> None:
+@click.option("--runs", type=PATH, help="Table of conditions per run, as of 'rigfit run'.")
+def check(logs: tuple[Path, ...], experiment: str | None, recipe: Path | None, runs: Path | None) -> None:
     """Tell what logs hold and what is wrong with them.
 
     Shows channels, units, rates, conditions, gaps and quality; identifies and writes nothing.
@@ -83,7 +84,7 @@ def check(logs: tuple[Path, ...], experiment: str | None, recipe: Path | None) -
     """
     from pipeline.cli import checking
 
-    sys.exit(checking.show(logs, experiment, recipe))
+    sys.exit(checking.show(logs, experiment, recipe, runs))
 
 
 @rigfit.command()
@@ -185,20 +186,21 @@ def index(go_on: bool) -> None:
 
 
 class _Stopped(BaseException):
-    """A signal other than Ctrl-C asks the program to end."""
+    """A signal (Ctrl-C, a kill, a closed terminal) asks the program to end."""
 
 
 def main() -> None:
     """Run the command; say a user's mistake as one paragraph with status 2."""
     from pipeline.errors import InputError
 
+    came: list[int] = []
     try:
-        with _stoppable():
+        with _stoppable(came):
             rigfit(standalone_mode=False)
     except (click.exceptions.Abort, KeyboardInterrupt):
         _leave(_STOPPED, 128 + signal.SIGINT)
-    except _Stopped as stopped:
-        _leave(_STOPPED, 128 + int(stopped.args[0]))
+    except _Stopped:
+        _leave(_STOPPED, 128 + came[0])
     except click.ClickException as error:
         error.show()
         sys.exit(2)
@@ -214,6 +216,8 @@ def main() -> None:
     except Exception as error:
         if os.environ.get("RIGFIT_DEBUG"):
             raise
+        if came:  # compiled code turns a signal into an error of its own
+            _leave(_STOPPED, 128 + came[0])
         trace = error.__traceback__
         while trace and trace.tb_next:
             trace = trace.tb_next
@@ -226,17 +230,21 @@ def main() -> None:
 
 
 @contextmanager
-def _stoppable() -> Iterator[None]:
-    """Let a kill and a closed terminal end the program as Ctrl-C does: everything half-written is removed."""
+def _stoppable(came: list[int]) -> Iterator[None]:
+    """Let Ctrl-C, a kill and a closed terminal unwind the program, so that everything half-written is removed.
+
+    What the program was told to ignore (nohup, a background job) it ignores. The signals that `came` are added there.
+    """
 
     def stop(number: int, _frame: FrameType | None) -> None:
-        raise _Stopped(number)
+        came.append(number)
+        raise _Stopped
 
     before = {}
     if threading.current_thread() is threading.main_thread():
-        for name in ("SIGTERM", "SIGHUP"):
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) == signal.SIG_DFL:
+            if number is not None and signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
                 before[number] = signal.signal(number, stop)
     try:
         yield

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from pipeline.errors import InputError
 from pipeline.recording import Channel, Condition, Recording, Stream
+from pipeline.rigs.experiment import Context
 from pipeline.rigs.mre.shear import SHEAR
 from pipeline.rigs.mre.synthetic import synthesize_rich
 
@@ -34,16 +36,31 @@ def test_a_sound_loop_says_nothing() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda x, F: (x, -F), "sign: -1"),
-        (lambda x, F: (-x, F), "sign: -1"),
         (lambda x, F: (1e3 * x, F), "mm taken as m"),
         (lambda x, F: (x, 1e3 * F), "MPa"),
     ],
 )
-def test_signs_and_units_are_told_from_one_run(change, words) -> None:  # type: ignore[no-untyped-def]
+def test_units_are_told_from_one_run(change, words) -> None:  # type: ignore[no-untyped-def]
     found = list(SHEAR.check(recording(*change(*loop()))))
     assert [finding.level for finding in found] == ["warning"]
     assert words in found[0].message
+
+
+@pytest.mark.parametrize(
+    ("change", "likely"),
+    [
+        (lambda x, F: (x, -F), "the sign of one of them is wrong"),
+        (lambda x, F: (-x, F), "the sign of one of them is wrong"),
+        (lambda x, F: (F, x), "they are swapped"),
+    ],
+)
+def test_what_leaves_a_run_out_is_an_error_in_the_words_of_identification(change, likely) -> None:  # type: ignore[no-untyped-def]
+    run = recording(*change(*loop()))
+    found = list(SHEAR.check(run))
+    assert [finding.level for finding in found] == ["error"]
+    assert likely in found[0].message
+    identified = SHEAR.identify([run], SHEAR.settings(), Context("one", {}))
+    assert found[0].message in {quality.message for quality in identified.quality}
 
 
 def test_a_loop_that_gives_energy_is_told() -> None:
@@ -60,10 +77,14 @@ def test_a_damper_and_a_random_record_say_nothing() -> None:
 
 
 @pytest.mark.parametrize("values", [np.zeros(TIME.size), np.full(TIME.size, np.nan)])
-def test_dead_channels_are_not_judged(values: np.ndarray) -> None:
+def test_a_dead_channel_is_refused_in_the_words_of_identification(values: np.ndarray) -> None:
     x, F = loop()
-    assert list(SHEAR.check(recording(x, values))) == []
-    assert list(SHEAR.check(recording(values, F))) == []
+    for run in (recording(x, values), recording(values, F)):
+        with pytest.raises(InputError) as checked:
+            SHEAR.check(run)
+        with pytest.raises(InputError) as identified:
+            SHEAR.identify([run], SHEAR.settings(), Context("one", {}))
+        assert str(checked.value) == str(identified.value)
 
 
 def test_a_few_missing_samples_do_not_matter() -> None:

@@ -1,4 +1,4 @@
-"""What the physics of a passive pad tells of one recording, without any fit (mre.md section 8)."""
+"""What one recording tells without the dynamic model: what identification would say of it alone (mre.md section 8)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
-from pipeline.rigs.mre.shear_samples import is_signal, pads_of
+from pipeline.rigs.mre.shear import ShearSettings
+from pipeline.rigs.mre.shear_samples import pads_of
+from pipeline.rigs.mre.shear_unusable import nothing_usable
 
 # Plausible shear moduli of elastomers, Pa.
 MODULUS_RANGE = (0.05e6, 10e6)
@@ -16,31 +19,30 @@ MODULUS_RANGE = (0.05e6, 10e6)
 LEAST_WORK = 0.02
 
 
-def _sizes(recording: Recording) -> list[QualityFinding]:
-    """Say which sizes of the pads cannot be."""
-    found = []
-    for name, unit in (("pad_diameter", " m"), ("pad_height", " m"), ("n_pads", "")):
-        value = recording.conditions.get(name)
-        if isinstance(value, float | int) and not value > 0:
-            text = f"{name} is {value:g}{unit}, which no pad has; moduli are left out. Mend it where it is given."
-            found.append(QualityFinding("warning", text))
-    return found
-
-
 def check(recording: Recording) -> Sequence[QualityFinding]:
-    """Look for swapped or inverted channels and implausible stiffness in one run.
+    """Look for what leaves the run out, else for inverted channels and implausible stiffness.
 
     A passive device dissipates: the loop of F over x, F up and x right, runs clockwise, and force
-    rises with displacement. Nothing is said where the signals are dead or too short.
+    rises with displacement.
+
+    Raises
+    ------
+    InputError
+        If the run alone leaves nothing to identify: a dead channel, no motion.
     """
+    from pipeline.rigs.mre.shear_runs import sort_runs
+
+    alone = sort_runs([recording], ShearSettings())
+    if alone.left_out:
+        if not alone.faulty:
+            raise InputError(nothing_usable(alone.left_out, [recording]))
+        return [finding for finding in alone.quality if finding.level == "error"]
     if recording.stream_of("displacement") is not recording.stream_of("force"):
         return ()
     x, F = recording.values("displacement"), recording.values("force")
     valid = np.isfinite(x) & np.isfinite(F)
-    x, F = x[valid] - x[valid].mean() if valid.any() else x[valid], F[valid]
-    found = _sizes(recording)
-    if x.size < 20 or not (is_signal(x) and is_signal(F)):
-        return found
+    x, F = x[valid] - x[valid].mean(), F[valid]
+    found: list[QualityFinding] = []
     F = F - F.mean()
     slope = float(x @ F / (x @ x))
     correlation = float(x @ F / math.sqrt((x @ x) * (F @ F)))

@@ -24,6 +24,7 @@ from pipeline.rigs.mre.shear_parameters import VARIANT_TEXTS, Labels, loop_param
 from pipeline.rigs.mre.shear_published import published
 from pipeline.rigs.mre.shear_runs import sort_runs
 from pipeline.rigs.mre.shear_sorted import SortedRuns, UsableRun
+from pipeline.rigs.mre.shear_unusable import nothing_usable
 from pipeline.rigs.mre.shear_verdict import judge
 from pipeline.rigs.mre.time_columns import Record
 from pipeline.rigs.mre.time_fit import TimeFit, fit_records
@@ -46,7 +47,7 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
     condemned = not runs.usable
     if condemned:
         if not runs.faulty:
-            raise InputError(_nothing_usable(runs, recordings, context))
+            raise InputError(nothing_usable(runs.left_out, recordings))
         runs.loops = runs.faulty
     options = _options(settings, recordings)
     doubts = say_faults(runs, recordings)
@@ -90,17 +91,6 @@ def _undecided(dynamic: Identification) -> list[str]:
         f"These runs do not tell what the field changes: {', '.join(rivals)} fit as well as {chosen} (BIC within "
         f"{DECISIVE:g}). The parameters hold if {chosen} is right: {VARIANT_TEXTS[chosen]}."
     ]
-
-
-def _nothing_usable(runs: SortedRuns, recordings: Sequence[Recording], context: Context) -> str:
-    """Say why no run can be used: the first reason, and how many others there are."""
-    if not runs.left_out:
-        return f"campaign '{context.campaign}': there is no run."
-    (first, reason), *others = runs.left_out.items()
-    named = f" The same or another reason holds for {len(others)} more: {listing(run for run, _ in others)}."
-    files = [source.path for r in recordings if r.run == first for source in r.provenance.files]
-    place = f"run '{first}' ({listing(files)})" if files else f"run '{first}'"
-    return f"campaign '{context.campaign}': no run can be used; {place}: {reason}.{named if others else ''}"
 
 
 def _options(settings: ShearSettings, recordings: Sequence[Recording]) -> FitOptions:
