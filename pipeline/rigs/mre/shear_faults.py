@@ -14,14 +14,14 @@ from pipeline.rigs.mre.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.harmonic_fit import FitOptions, identify_loops
 from pipeline.rigs.mre.loop import N_F, Loop, curve, half_range
 from pipeline.rigs.mre.shear_check import MODULUS_RANGE
-from pipeline.rigs.mre.shear_runs import apart
+from pipeline.rigs.mre.shear_labels import say_labels
+from pipeline.rigs.mre.shear_sampling import say_coarse
 from pipeline.rigs.mre.shear_sorted import SortedRuns
+from pipeline.rigs.mre.shear_unsteady import say_unsteady
 
 LAG_SAID = 50e-6  # s
 _REMANENCE = 5e-3  # T
 _PRELOAD_CHANGE = 0.1
-# An amplitude this many times its label, or less than the reciprocal.
-_LABEL_RATIO = 1.25
 # Share of the stroke within 10 % of the largest force that no visco-elastic loop has, and the least friction
 # coefficient at which pads slide.
 _PLATEAU, _LEAST_FRICTION = 0.25, 0.1
@@ -33,7 +33,9 @@ def say_faults(runs: SortedRuns, recordings: Sequence[Recording]) -> list[str]:
     """Add what the loops alone show to the quality of `runs`; return what casts doubt on the numbers."""
     doubts = [
         _modulus(runs),
-        _labels(recordings, runs),
+        *say_labels(runs, recordings),
+        say_coarse(runs),
+        *say_unsteady(runs),
         _varying(recordings, runs),
         _shape(runs),
         _slip(runs),
@@ -121,36 +123,6 @@ def _modulus(runs: SortedRuns) -> str:
     )
     runs.say("warning", None, doubt, "displacement")
     return doubt
-
-
-def _labels(recordings: Sequence[Recording], runs: SortedRuns) -> str:
-    """Say amplitudes that the labels give otherwise; doubt labels of current that the channel contradicts."""
-    conditions = {recording.run: recording.conditions for recording in recordings}
-    ratios: dict[str, float] = {}
-    swapped = []
-    for usable in runs.loops:
-        assert usable.loop is not None
-        amplitude, current = (conditions[usable.run].get(name) for name in ("amplitude", "coil_current"))
-        if isinstance(amplitude, float) and amplitude > 0:
-            ratio = usable.loop.amplitude / amplitude
-            if not 1 / _LABEL_RATIO < ratio < _LABEL_RATIO:
-                ratios[usable.run] = ratio
-        if isinstance(current, float) and usable.current is not None and apart(usable.current, current):
-            swapped.append(usable.run)
-    if ratios:
-        middle = float(np.median(list(ratios.values())))
-        thousand = " A factor of about 1000: mm taken as m?" if not 1 / 300 < middle < 300 else ""
-        double = " A factor of about 2: is the label peak to peak?" if 1.8 < 1 / middle < 2.2 else ""
-        runs.say(
-            "warning",
-            next(iter(ratios)) if len(ratios) == 1 else None,
-            f"the amplitude is {middle:.3g} times what the label says ({listing(ratios, 4)}).{thousand}{double} The measured "
-            "one is used.",
-            "displacement",
-        )
-    if not swapped:
-        return ""
-    return f"The measured coil current contradicts the label of {listing(swapped, 6)}; the measured one was used."
 
 
 def _varying(recordings: Sequence[Recording], runs: SortedRuns) -> str:

@@ -8,11 +8,12 @@ import numpy as np
 
 from pipeline.rigs.mre.loop import Loop, curve, fit_loop, loop_metrics
 from pipeline.rigs.mre.shear import ShearSettings
+from pipeline.rigs.mre.shear_cycles import wander_of
 from pipeline.rigs.mre.shear_samples import Series, UnfitError, clipping
+from pipeline.rigs.mre.shear_sampling import may_be_alias, rate_of
 from pipeline.rigs.mre.shear_sorted import SortedRuns, UsableRun
 from pipeline.signals.periodicity import Excitation
 
-_FREQUENCY_APART = 0.03
 # Standard errors that the fundamental of the force must exceed.
 _FOLLOWS = 10.0
 _OFFSET_SAID, _ASYMMETRY_SAID, _DRIFT_SAID = 0.05, 0.02, 0.1
@@ -59,21 +60,13 @@ def add_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
             "more than its noise. A loose cable, or the wrong channel",
             "force",
         )
-    wrong = _clipped_force(usable.series) or _wrong_way_round(loop)
+    wrong = _clipped_force(usable.series) or _wrong_way_round(loop, usable)
     if wrong:
         runs.leave_out(run, wrong, "force")
         runs.faulty.append(replace(usable, series=series, loop=loop))
         return
     _say_shape(loop, usable.excitation, runs)
-    if usable.label_frequency and abs(loop.frequency / usable.label_frequency - 1) > _FREQUENCY_APART:
-        runs.say(
-            "warning",
-            run,
-            f"the displacement runs at {loop.frequency:.4g} Hz but the label says {usable.label_frequency:.4g} Hz: a wrong "
-            "label, or a wrong time base. The measured one is used.",
-            "displacement",
-        )
-    runs.loops.append(replace(usable, series=series, loop=loop))
+    runs.loops.append(replace(usable, series=series, loop=loop, wander=wander_of(series, loop)))
 
 
 def _clipped_force(series: Series) -> str:
@@ -84,12 +77,19 @@ def _clipped_force(series: Series) -> str:
     return f"the force is clipped: {100 * clipped[1]:.1f} % of its samples are flat at {clipped[0]:.5g} N"
 
 
-def _wrong_way_round(loop: Loop) -> str:
+def _wrong_way_round(loop: Loop, usable: UsableRun) -> str:
     """Say why a loop that would give energy does so; an empty text for one that takes it."""
     area = next(e for e in loop_metrics(loop) if e.name == "loop_area")
     assert area.value is not None
     if area.value >= -2 * (area.std_error or 0.0):
         return ""
+    if may_be_alias(usable, loop.frequency):
+        rate = rate_of(usable)
+        return (
+            f"the loop runs the wrong way round (area {area.value:.3g} J: the sample would give energy), and it is logged at only "
+            f"{rate:.4g} samples a second: most likely the alias of a motion faster than {rate / 2:.3g} Hz, which runs backwards. "
+            "Log faster, and give 'frequency'"
+        )
     falls = (loop.F[0] / loop.X[0]).real < 0
     seen = "the force falls as the displacement rises" if falls else "though the force rises with the displacement"
     likely = "the sign of one of them is wrong" if falls else "they are swapped, or the force leads by a wrong clock"

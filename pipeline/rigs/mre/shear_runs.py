@@ -16,6 +16,7 @@ from pipeline.recording import Recording
 from pipeline.rigs.mre.shear import ShearSettings
 from pipeline.rigs.mre.shear_loops import add_loop
 from pipeline.rigs.mre.shear_samples import Series, UnfitError, flat_tops, number_of, pads_of, samples_of
+from pipeline.rigs.mre.shear_sampling import said_alias
 from pipeline.rigs.mre.shear_sorted import SortedRuns, UsableRun
 from pipeline.signals.periodicity import classify
 
@@ -110,6 +111,9 @@ def _usable(recording: Recording, series: Series, runs: SortedRuns) -> UsableRun
 def _sort_one(recording: Recording, series: Series, settings: ShearSettings, runs: SortedRuns) -> None:
     usable = _usable(recording, series, runs)
     run, excitation = usable.run, usable.excitation
+    alias = said_alias(usable)
+    if alias:
+        raise UnfitError(alias, "displacement")
     for remark in excitation.remarks:
         if excitation.kind == "periodic" and remark.startswith("the mean drifts"):
             continue  # told with what it means for the loop

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 
 from pipeline.recording import Level, QualityFinding
 from pipeline.rigs.mre.loop import Loop, Pads
+from pipeline.rigs.mre.shear_cycles import Wander
 from pipeline.rigs.mre.shear_samples import Series
 from pipeline.signals.periodicity import Excitation
 
 
 @dataclass(frozen=True, eq=False)
 class UsableRun:
-    """A run with what it may be used for; `loop` is there for steady loops only."""
+    """A run with what it may be used for; `loop` and `wander` are there for steady loops only."""
 
     run: str
     series: Series
@@ -24,6 +25,7 @@ class UsableRun:
     test: str
     label_frequency: float | None = None
     loop: Loop | None = None
+    wander: Wander | None = None
 
 
 @dataclass

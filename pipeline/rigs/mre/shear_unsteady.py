@@ -1,0 +1,104 @@
+"""What changes in the course of the runs though it should not: mean force, stiffness (mre.md section 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pipeline.errors import listing
+from pipeline.rigs.mre.loop import half_range
+from pipeline.rigs.mre.shear_cycles import Wander
+from pipeline.rigs.mre.shear_sorted import SortedRuns
+
+# Shares of the force amplitude: a drift that is told, one that is doubted though the fit takes it out, and the
+# least that is left of a step or wander.
+_DRIFT_SAID, _DRIFT_DOUBTED, _REST_SAID = 0.05, 0.2, 0.015
+_ZERO_SAID = 0.1
+# Of the stiffness from the first to the last cycle, and in standard errors.
+_SOFTENING_SAID, _SOFTENING_SURE = 1e-3, 5.0
+
+
+def say_unsteady(runs: SortedRuns) -> list[str]:
+    """Say how mean force and stiffness change in the runs; return what casts doubt on the numbers."""
+    return [*_drift(runs), *_softening(runs)]
+
+
+def _drift(runs: SortedRuns) -> list[str]:
+    drifts: dict[str, tuple[float, Wander]] = {}
+    jumps: dict[str, tuple[float, Wander]] = {}
+    for usable in runs.loops:
+        if usable.loop is None or usable.wander is None:
+            continue
+        size = half_range(usable.loop.F)
+        if usable.wander.drift > _DRIFT_SAID * size:
+            drifts[usable.run] = (usable.wander.drift / size, usable.wander)
+        if usable.wander.rest > _REST_SAID * size:
+            jumps[usable.run] = (usable.wander.rest / size, usable.wander)
+    _zero(runs)
+    doubts = []
+    if drifts:
+        worst = max(drifts, key=lambda run: drifts[run][0])
+        share, wander = drifts[worst]
+        told = (
+            f"the mean force drifts by {wander.drift:.3g} N ({60 * wander.drift / wander.duration:.3g} N per minute), "
+            f"{100 * share:.2g} % of its amplitude, during run {worst}"
+        )
+        told += _and_more(drifts, worst)
+        runs.say("warning", None, f"{told}: a sensor's zero, or temperature. A slow drift is taken out.", "force")
+        if share > _DRIFT_DOUBTED:
+            doubts.append(f"{told[0].upper()}{told[1:]}. It is taken out, but what drifts may change its gain too.")
+    if jumps:
+        worst = max(jumps, key=lambda run: jumps[run][0])
+        share, wander = jumps[worst]
+        doubt = (
+            f"The mean force steps or wanders by {wander.rest:.3g} N, {100 * share:.2g} % of its amplitude, near "
+            f"{wander.jump_at:.3g} s of run {worst}{_and_more(jumps, worst)}: no slow drift, so that it is taken out in part only. "
+            "Check the load cell's cable and mounting."
+        )
+        runs.say("warning", worst, doubt, "force")
+        doubts.append(doubt)
+    return doubts
+
+
+def _and_more(found: Mapping[str, object], worst: str) -> str:
+    others = [run for run in found if run != worst]
+    return f", and in {listing(others, 4)}" if others else ""
+
+
+def _zero(runs: SortedRuns) -> None:
+    """Say that the force's zero wanders from run to run."""
+    loops = [usable.loop for usable in runs.loops if usable.loop is not None]
+    if len(loops) < 3:
+        return
+    offsets, size = [loop.f_mean for loop in loops], float(np.median([half_range(loop.F) for loop in loops]))
+    if max(offsets) - min(offsets) > _ZERO_SAID * size:
+        least, most = (loops[int(pick(offsets))] for pick in (np.argmin, np.argmax))
+        runs.say(
+            "warning",
+            None,
+            f"the force's mean is between {least.f_mean:.3g} N ({least.run}) and {most.f_mean:.3g} N ({most.run}), a range of "
+            f"{100 * (most.f_mean - least.f_mean) / size:.2g} % of the amplitude: the load cell's zero wanders from run to run. "
+            "The mean of each run does not enter.",
+            "force",
+        )
+
+
+def _softening(runs: SortedRuns) -> list[str]:
+    found = {}
+    for usable in runs.loops:
+        wander = usable.wander
+        least = max(_SOFTENING_SAID, _SOFTENING_SURE * wander.change_sd) if wander is not None else 0.0
+        if wander is not None and abs(wander.softening) > least:
+            found[usable.run] = wander
+    if not found:
+        return []
+    worst = max(found, key=lambda run: abs(found[run].softening))
+    wander = found[worst]
+    doubt = (
+        f"The force changes by {100 * wander.force_change:+.2g} % from the first to the last cycle of run {worst}"
+        f"{_and_more(found, worst)} while the displacement's amplitude changes by {100 * wander.motion_change:+.2g} %: heating, "
+        "softening, slip, or a gain that fades. Stiffness holds for the middle of the run; its interval does not hold this."
+    )
+    runs.say("warning", worst, doubt, "force")
+    return [doubt]
