@@ -1,0 +1,270 @@
+"""Sides, centre, contact and support stiffness together, from all force levels and both planes.
+
+Each block is weighted with the noise of its displacement and, through the compliance, with that of
+the force (effective variance); the force is one for both planes, so their residuals are whitened
+together. Blocks during which a pad is met or left do not obey one linear law and are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.estimation.least_squares import Fit, Unknown, fit
+from pipeline.estimation.search import Values
+from pipeline.estimation.uncertainty import Covariance, effective_size
+from pipeline.rigs.tpjb.bump.contact import Bearing, Rest, rest, rest_on, sensitivities
+from pipeline.rigs.tpjb.bump.geometry import Polygon
+from pipeline.rigs.tpjb.bump.levels import Blocks
+
+_ROUNDS = 4
+# Noise of the force, in standard deviations, that may not change which sides are pressed.
+_MARGIN = 3.0
+# Whitened residual of a block beyond which it is an outlier, per root of its number of axes.
+_OUTLIER = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class ContactFit:
+    """What the contact law gives.
+
+    Attributes
+    ----------
+    bearings
+        The fitted law of each plane.
+    fit
+        Parameters by name: ``side_1_3`` (plane 1, side 3), ``neutral_x_1``, ``rotation_1``, ``k_p``,
+        ``k_s``; covariance widened for residuals that are correlated in time.
+    kept, outliers
+        Which blocks entered, and which were thrown out for their residual, shape (n,).
+    predicted
+        Displacement in each plane, shape (n, 2), for all blocks.
+    touching
+        Sides pressed in each plane, shape (n, N).
+    motion_noise, force_noise
+        Of a block's mean, m and N, as the residuals show them.
+    widening
+        Factor on the standard errors for correlation in time.
+    """
+
+    bearings: dict[int, Bearing]
+    fit: Fit
+    kept: np.ndarray
+    outliers: np.ndarray
+    predicted: dict[int, np.ndarray]
+    touching: dict[int, np.ndarray]
+    motion_noise: float
+    force_noise: float
+    widening: float
+
+    @property
+    def chi2_reduced(self) -> float:
+        """Chi-square over its degrees of freedom."""
+        return self.fit.chi2 / self.fit.dof if self.fit.dof > 0 else math.nan
+
+
+def fit_contact(blocks: Blocks, start: Mapping[int, Bearing]) -> ContactFit:
+    """Fit the contact law to all blocks.
+
+    Parameters
+    ----------
+    blocks
+        Those at a force level.
+    start
+        A first guess for each plane (`first_guess`).
+    """
+    bearings = dict(start)
+    motion_noise, force_noise = max(blocks.motion_noise, 1e-12), max(blocks.force_noise, 1e-9)
+    outliers = np.zeros(blocks.time.size, dtype=bool)
+    for number in range(_ROUNDS):
+        rests = {p: rest(blocks.force, bearing) for p, bearing in bearings.items()}
+        kept = _steady(blocks, bearings, _MARGIN * force_noise) & ~outliers
+        whiten = _whitening({p: r.compliance[kept] for p, r in rests.items()}, motion_noise, force_noise)
+        pressed = {p: r.number[kept] for p, r in rests.items()}
+        fitted = _fit(blocks.at(kept), bearings, pressed, whiten)
+        bearings = {p: _bearing(fitted.values, p, bearing) for p, bearing in bearings.items()}
+        rests = {p: rest(blocks.force, bearing) for p, bearing in bearings.items()}
+        steady = _steady(blocks, bearings, _MARGIN * force_noise)
+        motion_noise, force_noise = _noises(blocks, rests, bearings, steady & ~outliers, motion_noise, force_noise)
+        if number < _ROUNDS - 1:
+            outliers = steady & _odd(blocks, rests, motion_noise, force_noise)
+    residual = fitted.residual.reshape(int(kept.sum()), -1)
+    fitted, widening = _widened(fitted, residual)
+    return ContactFit(
+        bearings,
+        fitted,
+        kept,
+        outliers,
+        {p: r.displacement for p, r in rests.items()},
+        {p: r.touching for p, r in rests.items()},
+        motion_noise,
+        force_noise,
+        widening,
+    )
+
+
+def first_guess(blocks: Blocks, polygons: Mapping[int, Mapping[int, Polygon]]) -> dict[int, Bearing]:
+    """Return a start from the polygons of each plane at each level: ``polygons[plane][level]``.
+
+    Sides move outwards with the force over k_p; along a side the force is held by the support.
+    """
+    levels = blocks.levels
+    guesses = {}
+    for plane, by_level in polygons.items():
+        low, high = min(by_level), max(by_level)
+        top = by_level[high]
+        growth = float(np.mean(top.sides - by_level[low].sides)) if low != high else 0.0
+        rise = levels[high] - levels[low]
+        k_p = rise / growth if growth > 1e-9 and rise > 0 else 1e9
+        k_s = _support_stiffness(blocks, plane, top) or 1e-3 * k_p
+        sides = top.sides - levels[high] / k_p
+        guesses[plane] = Bearing(top.pad_angles, top.rotation, sides, top.centre, k_p, min(k_s, 0.3 * k_p))
+    k_p, k_s = (float(np.median([getattr(g, name) for g in guesses.values()])) for name in ("k_p", "k_s"))
+    return {
+        p: Bearing(g.pad_angles, g.rotation, g.sides, g.neutral, k_p, k_s) for p, g in guesses.items()
+    }
+
+
+def _support_stiffness(blocks: Blocks, plane: int, polygon: Polygon) -> float | None:
+    """Return the slope of the force along a side over the way along it, where one side alone is near."""
+    d, normals = blocks.planes[plane] - polygon.centre, polygon.normals
+    clearances = polygon.clearances
+    gap = clearances - d @ normals.T
+    order = np.sort(gap, axis=1)
+    alone = order[:, 1] > 0.1 * float(clearances.mean())
+    if alone.sum() < 6:
+        return None
+    i = gap[alone].argmin(axis=1)
+    tangents = (normals @ np.array([[0.0, 1.0], [-1.0, 0.0]]))[i]
+    way, pull = (d[alone] * tangents).sum(axis=1), (blocks.force[alone] * tangents).sum(axis=1)
+    way = way - way.mean()
+    slope = float(way @ pull / (way @ way)) if (way @ way) > 0 else 0.0
+    return slope if slope > 0 else None
+
+
+def _names(plane: int, n: int) -> list[str]:
+    return [f"rotation_{plane}", *(f"side_{plane}_{i + 1}" for i in range(n)), f"neutral_x_{plane}", f"neutral_y_{plane}"]
+
+
+def _bearing(values: Values, plane: int, like: Bearing) -> Bearing:
+    n = like.sides.size
+    return Bearing(
+        like.pad_angles,
+        values[f"rotation_{plane}"],
+        np.array([values[f"side_{plane}_{i + 1}"] for i in range(n)]),
+        np.array([values[f"neutral_x_{plane}"], values[f"neutral_y_{plane}"]]),
+        values["k_p"],
+        values["k_s"],
+    )
+
+
+def _fit(
+    blocks: Blocks, bearings: Mapping[int, Bearing], pressed: Mapping[int, np.ndarray], whiten: np.ndarray
+) -> Fit:
+    """Fit with the sets of pressed sides held: the law is smooth then."""
+    unknowns = []
+    for plane, bearing in bearings.items():
+        start = [bearing.rotation, *bearing.sides, *bearing.neutral]
+        unknowns += [Unknown(name, float(value)) for name, value in zip(_names(plane, bearing.sides.size), start, strict=True)]
+    first = next(iter(bearings.values()))
+    unknowns += [Unknown("k_p", first.k_p, logarithmic=True), Unknown("k_s", first.k_s, logarithmic=True)]
+    columns = len(unknowns)
+
+    def residual(values: Values) -> np.ndarray:
+        off = [
+            rest_on(blocks.force, _bearing(values, p, b), pressed[p]).displacement - blocks.planes[p]
+            for p, b in bearings.items()
+        ]
+        return np.asarray(np.einsum("nij,nj->ni", whiten, np.concatenate(off, axis=1)).ravel())
+
+    def jacobian(values: Values) -> np.ndarray:
+        J = np.zeros((blocks.time.size, 2 * len(bearings), columns))
+        at = 0
+        for row, (plane, like) in enumerate(bearings.items()):
+            bearing = _bearing(values, plane, like)
+            slopes = sensitivities(bearing, rest_on(blocks.force, bearing, pressed[plane]))
+            rows, n = slice(2 * row, 2 * row + 2), bearing.sides.size
+            J[:, rows, at] = slopes["rotation"]
+            J[:, rows, at + 1 : at + 1 + n] = slopes["sides"]
+            J[:, rows, at + 1 + n : at + 3 + n] = slopes["neutral"]
+            J[:, rows, -2], J[:, rows, -1] = slopes["k_p"], slopes["k_s"]
+            at += n + 3
+        return np.asarray(np.einsum("nij,njk->nik", whiten, J).reshape(-1, columns))
+
+    return fit(residual, unknowns, jacobian=jacobian, noise="larger")
+
+
+def _steady(blocks: Blocks, bearings: Mapping[int, Bearing], margin: float) -> np.ndarray:
+    """Tell which blocks press the same sides throughout, by more than `margin` (N) at both ends."""
+    out = np.ones(blocks.time.size, dtype=bool)
+    for bearing in bearings.values():
+        middle = rest(blocks.force, bearing).touching
+        for end in (-1.0, 1.0):
+            there = rest(blocks.force + end * blocks.slope, bearing)
+            out &= (there.touching == middle).all(axis=1)
+            beyond = there.displacement @ bearing.normals.T - bearing.sides
+            pressed = np.where(there.touching, bearing.k_p * beyond, np.inf)
+            lifted = np.where(there.touching, np.inf, -bearing.k_s * beyond)
+            out &= (np.minimum(pressed, lifted) > margin).all(axis=1)
+    return out
+
+
+def _whitening(compliance: Mapping[int, np.ndarray], motion_noise: float, force_noise: float) -> np.ndarray:
+    """Return the inverse Cholesky factors of the blocks' covariances, shape (n, 2 planes, 2 planes)."""
+    J = np.concatenate(list(compliance.values()), axis=1)
+    S = motion_noise**2 * np.eye(J.shape[1]) + force_noise**2 * np.einsum("nij,nkj->nik", J, J)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(S)))
+
+
+def _noises(
+    blocks: Blocks,
+    rests: Mapping[int, Rest],
+    bearings: Mapping[int, Bearing],
+    chosen: np.ndarray,
+    motion_noise: float,
+    force_noise: float,
+) -> tuple[float, float]:
+    """Tell the noise of displacement from corners, where force hardly matters, and that of the force from sides."""
+    motion, pull = [], []
+    for plane, bearing in bearings.items():
+        off = blocks.planes[plane] - rests[plane].displacement
+        corner = chosen & (rests[plane].touching.sum(axis=1) > 1)
+        single = chosen & (rests[plane].touching.sum(axis=1) == 1)
+        motion.append(off[corner].ravel())
+        tangents = (bearing.normals @ np.array([[0.0, 1.0], [-1.0, 0.0]]))[rests[plane].touching[single].argmax(axis=1)]
+        pull.append(bearing.k_s * (off[single] * tangents).sum(axis=1))
+        motion.append((off[single] * bearing.normals[rests[plane].touching[single].argmax(axis=1)]).sum(axis=1))
+    at_rest, sliding = np.concatenate(motion), np.concatenate(pull)
+    k_p, k_s = (getattr(next(iter(bearings.values())), name) for name in ("k_p", "k_s"))
+    if at_rest.size >= 20:
+        through = force_noise / k_p
+        motion_noise = math.sqrt(max(_spread(at_rest) ** 2 - through**2, (0.1 * motion_noise) ** 2))
+    if sliding.size >= 20:
+        through = k_s * motion_noise
+        force_noise = math.sqrt(max(_spread(sliding) ** 2 - through**2, (0.1 * force_noise) ** 2))
+    return motion_noise, force_noise
+
+
+def _spread(values: np.ndarray) -> float:
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))
+
+
+def _odd(blocks: Blocks, rests: Mapping[int, Rest], motion_noise: float, force_noise: float) -> np.ndarray:
+    """Tell which blocks lie further off than noise can put them."""
+    whiten = _whitening({p: r.compliance for p, r in rests.items()}, motion_noise, force_noise)
+    off = np.concatenate([rests[p].displacement - blocks.planes[p] for p in rests], axis=1)
+    size = np.sqrt((np.einsum("nij,nj->ni", whiten, off) ** 2).mean(axis=1))
+    return np.asarray(size > _OUTLIER)
+
+
+def _widened(fitted: Fit, residual: np.ndarray) -> tuple[Fit, float]:
+    """Widen the covariance by the correlation of the residuals in time, shape (blocks, axes)."""
+    n = residual.shape[0]
+    shares = [effective_size(column) / n for column in residual.T]
+    factor = 1.0 / float(np.mean(shares))
+    dof = max(n * residual.shape[1] / factor - len(fitted.names), 1.0)
+    matrix = fitted.covariance.matrix * factor
+    return fitted.with_covariance(Covariance(matrix, dof, "least squares, effective sample size")), math.sqrt(factor)
