@@ -147,12 +147,16 @@ def resolve(
 def refuse_time_alone(sources: Sequence[Source]) -> None:
     """Raise InputError where logs have no more than one column, and that is time."""
     channels = [channel for source in sources for channel in source.table.channels]
-    if len(channels) == len(sources) and all(plain(channel.name) in ("t", "time", "log_time") for channel in channels):
+    if len(channels) == len(sources) and all(_is_time(channel.name) for channel in channels):
         files = listing(dict.fromkeys(source.shown for source in sources))
         raise InputError(
             f"{files}: holds only a time column ('{channels[0].name}') and nothing that was measured. Expected is a "
             "column a channel beside it: export the log again with its channels, or check how its columns are parted."
         )
+
+
+def _is_time(name: str) -> bool:
+    return name.strip() == "t" or plain(name) in ("time", "log_time")
 
 
 def columns_listing(sources: Sequence[Source]) -> str:
@@ -214,8 +218,8 @@ def _selected(
     if spec.unit == "":
         return SelectedChannel(spec.name, raw, "", required=spec.required)
     if raw.is_text:
-        row, text = _first_text(column)
-        said = f"holds text and not numbers: '{text[:40]}' in row {row}" if row else "holds no numbers"
+        place, text = _first_text(column)
+        said = f"holds text and not numbers: '{text[:40]}' in {place}" if place else "holds no numbers"
         if spec.required or entry.channel is not None:
             raise InputError(
                 f"{where}: {said}; '{spec.name}' ({spec.description}) needs numbers. "
@@ -284,15 +288,15 @@ def _conversion(unit: str, spec: ChannelLike, entry: ChannelMap, where: str) -> 
         ) from error
 
 
-def _first_text(column: _Column) -> tuple[int, str]:
-    """Return the first word of a text column and its row, counted from 1; (0, '') where there is none."""
+def _first_text(column: _Column) -> tuple[str, str]:
+    """Return the place of the first word of a text column, and the word; empty texts where there is none."""
     row = 0
     for block in column.source.table.blocks([column.channel.name]):
         for value in block[column.channel.name]:
-            row += 1
             if value is not None and str(value).strip():
-                return row, str(value).strip()
-    return 0, ""
+                return column.source.table.place_of(row), str(value).strip()
+            row += 1
+    return "", ""
 
 
 def _ambiguous(spec: ChannelLike, wanted: str, found: Sequence[_Column], files: str) -> str:

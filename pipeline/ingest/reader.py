@@ -50,6 +50,10 @@ class RawTable(ABC):
         decoded where given. May be called again. Raises InputError where the file cannot be read on.
         """
 
+    def place_of(self, row: int) -> str:
+        """Name the place in the file of a row (from 0) that the last reading gave: ``line 12``, else ``row 11``."""
+        return f"row {row + 1}"
+
     def notes(self) -> Sequence[QualityFinding]:
         """Return what the reader noticed or mended in this table; complete after `blocks` ran out."""
         return ()

@@ -6,6 +6,7 @@ Every change is a finding that goes into the provenance.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -32,7 +33,15 @@ class Repair:
     findings: list[QualityFinding] = field(default_factory=list)
 
 
-def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str) -> Repair:
+Place = Callable[[int], str]
+
+
+def row_number(row: int) -> str:
+    """Name a row by its number from 1, where nothing better is known."""
+    return f"row {row + 1}"
+
+
+def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str, place: Place = row_number) -> Repair:
     """Make stamps strictly increasing.
 
     Parameters
@@ -43,6 +52,8 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str) -> Repair:
         For the first rows, whether a row repeats all values of the row before it, shape (m,).
     where
         File and channel, for messages.
+    place
+        Names the place of a row in the file, for messages.
 
     Raises
     ------
@@ -52,7 +63,7 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str) -> Repair:
     rows = np.flatnonzero(np.isfinite(stamps))
     time = stamps[rows]
     findings: list[QualityFinding] = []
-    time = _unwrapped(time, rows, where, findings)
+    time = _unwrapped(time, rows, where, place, findings)
     steps = np.diff(time)
     if time.size > 1 and not steps.any():
         raise InputError(
@@ -61,15 +72,15 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str) -> Repair:
         )
     backward = np.flatnonzero(steps < 0)
     if backward.size:
-        _refuse_if_mostly_backward(time, backward, rows, where)
+        _refuse_if_mostly_backward(time, backward, rows, where, place)
         stay = _increasing(time)
-        findings.append(_said_backward(time, stay, backward, rows, where))
+        findings.append(_said_backward(time, stay, backward, rows, where, place))
         time, rows = time[stay], rows[stay]
     repeated = np.diff(time) == 0
     if repeated.any():
         part = float(repeated.mean())
         if part < _COARSE or time.size < _SEVERAL or _are_copies(rows, repeated, copies):
-            findings.append(_said_repeated(time, repeated, rows, where))
+            findings.append(_said_repeated(time, repeated, rows, where, place))
             stay = np.append(True, ~repeated)
             time, rows = time[stay], rows[stay]
         else:
@@ -84,16 +95,20 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str) -> Repair:
     return Repair(mended, findings)
 
 
-def _said_repeated(time: np.ndarray, repeated: np.ndarray, rows: np.ndarray, where: str) -> QualityFinding:
+def _said_repeated(
+    time: np.ndarray, repeated: np.ndarray, rows: np.ndarray, where: str, place: Place
+) -> QualityFinding:
     part, first = float(repeated.mean()), int(np.argmax(repeated))
     return QualityFinding(
         "note" if part <= 1e-3 else "warning",
         f"{where}: {counted(int(repeated.sum()), 'row')} with the time of the row before (repeated stamps, "
-        f"{100 * part:.2g} %, first row {rows[first + 1] + 1} at {time[first]:.9g}), dropped.",
+        f"{100 * part:.2g} %, first {place(int(rows[first + 1]))} at {time[first]:.9g}), dropped.",
     )
 
 
-def _unwrapped(time: np.ndarray, rows: np.ndarray, where: str, findings: list[QualityFinding]) -> np.ndarray:
+def _unwrapped(
+    time: np.ndarray, rows: np.ndarray, where: str, place: Place, findings: list[QualityFinding]
+) -> np.ndarray:
     """Add what a counter of a fixed number of bits lost when it wrapped."""
     steps = np.diff(time)
     back = np.flatnonzero(steps < 0)
@@ -107,8 +122,8 @@ def _unwrapped(time: np.ndarray, rows: np.ndarray, where: str, findings: list[Qu
             findings.append(
                 QualityFinding(
                     "note",
-                    f"{where}: the time counter wrapped {counted(back.size, 'time')} at {wrap:.0f}, first in row "
-                    f"{rows[back[0] + 1] + 1}; the time is continued.",
+                    f"{where}: the time counter wrapped {counted(back.size, 'time')} at {wrap:.0f}, first in "
+                    f"{place(int(rows[back[0] + 1]))}; the time is continued.",
                 )
             )
             unwrapped: np.ndarray = time + np.cumsum(added)
@@ -116,14 +131,16 @@ def _unwrapped(time: np.ndarray, rows: np.ndarray, where: str, findings: list[Qu
     return time
 
 
-def _refuse_if_mostly_backward(time: np.ndarray, backward: np.ndarray, rows: np.ndarray, where: str) -> None:
+def _refuse_if_mostly_backward(
+    time: np.ndarray, backward: np.ndarray, rows: np.ndarray, where: str, place: Place
+) -> None:
     part = backward.size / (time.size - 1)
     if backward.size <= max(_FEW * time.size, 1) and part < 0.5:
         return
     at = int(backward[0])
     raise InputError(
         f"{where}: time runs backward in {backward.size} of {time.size - 1} steps ({100 * part:.3g} %), first from "
-        f"{time[at]:.9g} to {time[at + 1]:.9g} in row {rows[at + 1] + 1}. Sort the log by time, or name in the "
+        f"{time[at]:.9g} to {time[at + 1]:.9g} in {place(int(rows[at + 1]))}. Sort the log by time, or name in the "
         "recipe the channel that is time."
     )
 
@@ -175,29 +192,29 @@ def _rows_after(
 
 
 def _said_backward(
-    time: np.ndarray, stay: np.ndarray, backward: np.ndarray, rows: np.ndarray, where: str
+    time: np.ndarray, stay: np.ndarray, backward: np.ndarray, rows: np.ndarray, where: str, place: Place
 ) -> QualityFinding:
     """Say what was dropped; refuse where that is most of the log."""
     lost = int((~stay).sum())
     part = lost / time.size
     at = int(backward[0])
     times = "" if backward.size == 1 else f"{backward.size} times, first "
-    place = f"{times}from {time[at]:.9g} to {time[at + 1]:.9g} in row {rows[at + 1] + 1}"
+    step = f"{times}from {time[at]:.9g} to {time[at + 1]:.9g} in {place(int(rows[at + 1]))}"
     if part <= _FEW or lost <= 1:
         return QualityFinding(
             "warning",
-            f"{where}: time steps backward {place}; {counted(lost, 'row')} dropped for it.",
+            f"{where}: time steps backward {step}; {counted(lost, 'row')} dropped for it.",
         )
     if part > 0.5:
         raise InputError(
-            f"{where}: time starts again {place}; no part of the log holds half of its rows. It looks like "
+            f"{where}: time starts again {step}; no part of the log holds half of its rows. It looks like "
             "several runs in one file: split it there, one file a run."
         )
     left = np.flatnonzero(stay)
     return QualityFinding(
         "warning",
-        f"{where}: time starts again {place}. The longest increasing part is kept (rows "
-        f"{rows[left[0]] + 1} to {rows[left[-1]] + 1}); {lost} of {time.size} rows ({100 * part:.3g} %) are dropped. "
+        f"{where}: time starts again {step}. The longest increasing part is kept ("
+        f"{place(int(rows[left[0]]))} to {place(int(rows[left[-1]]))}); {lost} of {time.size} rows ({100 * part:.3g} %) are dropped. "
         "If the log holds two runs, split it.",
     )
 

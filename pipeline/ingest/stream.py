@@ -168,21 +168,22 @@ class StreamInSI:
         if others:
             same = np.logical_and.reduce([_same_as_before(values) for values in others])
             copies = np.concatenate(([False], same))
-        return repair(stamps, copies, f"{self.clock.where}, channel '{name}'")
+        return repair(stamps, copies, f"{self.clock.where}, channel '{name}'", table.place_of)
 
     def _say(self, timeless: _Tally, infinite: Mapping[str, _Tally]) -> None:
         where = self.clock.where
         if timeless.n:
             message = (
-                f"{where}: {counted(timeless.n, 'row')} without a time dropped, first row {timeless.first_row + 1}."
+                f"{where}: {counted(timeless.n, 'row')} without a time dropped, "
+                f"first {self.selection.source.table.place_of(timeless.first_row)}."
             )
             self.repairs.append(QualityFinding("note" if timeless.n <= 2 else "warning", message))
         for name, tally in infinite.items():
             if tally.n:
-                largest = self.beyond.get(name)
-                what = "infinite value" if largest is None else "value"
-                why = "" if largest is None else f" beyond {_INFINITE:g}, up to {largest:.3g}, which nothing measures"
-                message = f"{name}: {counted(tally.n, what)}{why}, first at {tally.first_time:.6g} s, taken as missing."
+                told = counted(tally.n, "infinite value")
+                if name in self.beyond:
+                    told = f"{counted(tally.n, 'value')} infinite or beyond {_INFINITE:g}, up to {self.beyond[name]:.3g}"
+                message = f"{name}: {told}, first at {tally.first_time:.6g} s, taken as missing."
                 self.repairs.append(QualityFinding("warning", message, channel=name))
 
 

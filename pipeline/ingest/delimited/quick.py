@@ -15,7 +15,7 @@ from pipeline.ingest.delimited.chunks import Chunk
 from pipeline.ingest.delimited.columns import Column
 from pipeline.ingest.delimited.layout import Layout
 from pipeline.ingest.delimited.oddities import Oddities
-from pipeline.ingest.delimited.rows import Parsed
+from pipeline.ingest.delimited.rows import Parsed, broken_lines
 from pipeline.ingest.delimited.scan import EMPTY, GAVE_UP, NUMBER, PASSED_OVER, TEXT, scan
 from pipeline.ingest.delimited.stamps import NOT_A_TIME
 
@@ -63,7 +63,16 @@ def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed | No
         if not all(is_missing(clock[row]) for row in np.flatnonzero(found == NOT_A_TIME)):
             return None
     columns = {place: numbers[slot, :rows] for slot, place in enumerate(number_places)}
-    return Parsed(rows, columns, instants, {place: texts[place] for place in text_places}, Oddities())
+    read = {place: texts[place] for place in text_places}
+    return Parsed(rows, columns, instants, read, Oddities(), _lines(chunk, rows))
+
+
+def _lines(chunk: Chunk, rows: int) -> list[tuple[int, int]]:
+    """Return where the rows stand, see `Parsed`: blank lines are all that may stand between them."""
+    if rows == chunk.lines:
+        return [(0, chunk.first_line)]
+    filled = [n for n, line in enumerate(bytes(chunk.data).split(b"\n"), chunk.first_line) if line.strip()]
+    return broken_lines(filled)
 
 
 def _holds_heading(data: bytes | bytearray, layout: Layout, wanted: Sequence[Column]) -> bool:

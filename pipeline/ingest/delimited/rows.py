@@ -23,13 +23,26 @@ from pipeline.ingest.delimited.stamps import NOT_A_TIME
 
 @dataclass(frozen=True)
 class Parsed:
-    """The rows of one chunk: float64 numbers, int64 instants (ns) and texts by place of the column."""
+    """The rows of one chunk: float64 numbers, int64 instants (ns) and texts by place of the column.
+
+    `lines` are rows and their lines in the file where these do not follow that of the row before by one.
+    """
 
     rows: int
     numbers: dict[int, np.ndarray]
     instants: dict[int, np.ndarray]
     texts: dict[int, list[str]]
     oddities: Oddities
+    lines: Sequence[tuple[int, int]] = ()
+
+
+def broken_lines(lines: Sequence[int]) -> list[tuple[int, int]]:
+    """Return (row, line) of the first row and of each that does not stand in the line after the row before."""
+    if not lines:
+        return []
+    numbers = np.asarray(lines)
+    breaks = np.concatenate(([0], np.flatnonzero(np.diff(numbers) != 1) + 1))
+    return list(zip(breaks.tolist(), numbers[breaks].tolist(), strict=True))
 
 
 def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed:
@@ -56,7 +69,7 @@ def parse(chunk: Chunk, layout: Layout, wanted: Sequence[Column]) -> Parsed:
         for row, line in zip(rows, lines, strict=True):
             if row[column.index]:
                 odd.add("occupied", line, row[column.index][:LONGEST_QUOTE], column.index)
-    return Parsed(len(rows), numbers, instants, texts, odd)
+    return Parsed(len(rows), numbers, instants, texts, odd, broken_lines(lines))
 
 
 def _rows(chunk: Chunk, layout: Layout, odd: Oddities) -> tuple[list[list[str]], list[int]]:

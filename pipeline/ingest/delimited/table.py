@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -34,6 +35,7 @@ class DelimitedTable(RawTable):
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
         self._oddities, self._rows = Oddities(), 0
+        self._lines: list[tuple[int, int]] = []
         self.channels = [RawChannel(c.name, c.unit, is_text=c.kind == "text") for c in layout.columns]
         clocks = [c.name for c in layout.columns if c.kind in ("stamp", "regular")]
         self.time_channel = clocks[0] if clocks else None
@@ -49,18 +51,24 @@ class DelimitedTable(RawTable):
             For a name that is no channel, many ragged rows, a second header, a line without end.
         """
         layout, odd = self._layout, Oddities()
-        self._oddities, self._rows = odd, 0
+        self._oddities, self._rows, self._lines = odd, 0, []
         wanted = self._columns(names)
         clock = Clock(layout.stamp.start, layout.stamp.format.period) if layout.stamp else None
         done = 0
         for parsed in parsed_chunks(layout, wanted):
             odd.merge(parsed.oddities)
+            self._lines += [(done + row, line) for row, line in parsed.lines]
             refuse_ragged(odd, done + parsed.rows, layout.path, so_far=True)
             if parsed.rows:
                 yield {column.name: _values(parsed, column, clock, layout.regular, done) for column in wanted}
             done += parsed.rows
             self._rows = done
         refuse_ragged(odd, done, layout.path)
+
+    def place_of(self, row: int) -> str:
+        """Return the line of a row as an editor numbers it."""
+        at = bisect_right(self._lines, row, key=lambda entry: entry[0]) - 1
+        return f"line {self._lines[at][1] + row - self._lines[at][0]}" if at >= 0 else super().place_of(row)
 
     def notes(self) -> Sequence[QualityFinding]:
         """Return what was odd about the rows of the last reading."""
