@@ -20,6 +20,7 @@ from pipeline.report.labels import Key, ends, keys
 from pipeline.report.palette import Style, style
 from pipeline.report.panel import Frame, draw_panel, draw_thumbnail, drawing, title_lines, y_label_lines
 from pipeline.report.scale import Scale, equal, extent, scale, unit_for
+from pipeline.report.texts import room_over
 from pipeline.report.words import clean, text_width
 
 _MOST_COLUMNS = 4
@@ -150,15 +151,19 @@ def _frames(figure: Figure, scales: Sequence[tuple[Scale, Scale]], columns: int,
     labels = [label for panel in figure.panels for label in ends(figure, panel, columns)]
     right = max((text_width(label, font) * 1.08 for label in labels), default=0) + (12 if labels else 14)
     lines = max(len(title_lines(panel, shape.width, font)) for panel in figure.panels)
+    inner_width = shape.width - left - right
+    over = [room_over(p.marks, x, inner_width, font) for p, (x, _) in zip(figure.panels, scales, strict=True)]
+    if columns > 1:
+        over = [max(over)] * len(over)
     top = 10 + (lines * 1.25 * font + 6 if lines else 0)
     frames = []
-    for panel in figure.panels:
+    for panel, above in zip(figure.panels, over, strict=True):
         matrix = next((mark for mark in panel.marks if isinstance(mark, Matrix)), None)
         if matrix is not None:
             frames.append(_matrix_frame(matrix, shape, top))
         else:
-            height = shape.square if panel.equal else shape.height
-            frames.append(Frame(shape.width, height, font, left, right, top, 2.4 * font + 10))
+            height = above + (shape.square if panel.equal else shape.height)
+            frames.append(Frame(shape.width, height, font, left, right, top + above, 2.4 * font + 10, above))
     return frames
 
 

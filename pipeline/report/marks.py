@@ -25,7 +25,7 @@ _SHAPED_POINTS_UP_TO = 600
 _SHAPES_ON_A_LINE = 6
 _ROOM_FOR_A_HEAD = 9.0  # px between stems
 _UNDER_A_MODEL = {"linewidth": 2.8, "alpha": 0.6}  # a measured curve stays visible below a model that follows it
-_MEASURED_UNDER_A_MODEL = {"marker": "o", "markersize": 6.5, "alpha": 0.16}  # samples show on both sides of its line
+_MEASURED_UNDER_A_MODEL = {"marker": "o", "markersize": 6.5}  # samples show on both sides of its line
 _DASH = (0, (4, 2.2))
 _Z = {"Outline": 0.8, "Band": 1.0, "Rule": 1.5, "Stems": 2.0, "Line": 2.5, "Points": 3.0}
 _Z_ROLE = {"measured": -0.3, "model": 0.2, "fault": 0.4}
@@ -180,7 +180,7 @@ def _points(axes: Axes, mark: Points, x: Scale, y: Scale, z: float, below: bool)
                          markeredgewidth=1.1 if look.hollow else 0.0, alpha=0.5 if many else None, zorder=z,
                          markerfacecolor=PAPER[0] if look.hollow else look.light)  # fmt: skip
     if below:
-        drawn.set(**_MEASURED_UNDER_A_MODEL)
+        drawn.set(alpha=min(max(64 / xs.size, 0.15), 0.7), **_MEASURED_UNDER_A_MODEL)
     drawn.set_rasterized(many)
 
 

@@ -21,6 +21,7 @@ from pipeline.report.palette import GRID, INK, QUIET, style
 from pipeline.report.scale import Scale, extent
 from pipeline.report.spoken import spoken, spoken_title
 from pipeline.report.svg import inline
+from pipeline.report.texts import apart
 from pipeline.report.words import clean, shortened, text_width, wrapped
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ _RASTER_DPI = 190  # of points drawn as a picture; the page shows them at 72 to 
 
 @dataclass(frozen=True)
 class Frame:
-    """Size of a panel, of its text, and the free space around the axes."""
+    """Size of a panel, of its text, and the free space around the axes; `over` of it, above, is for names of rules."""
 
     width: float
     height: float
@@ -40,6 +41,7 @@ class Frame:
     right: float
     top: float
     bottom: float
+    over: float = 0.0
 
     @property
     def inner(self) -> tuple[float, float]:
@@ -100,7 +102,7 @@ def draw_panel(panel: Panel, x: Scale, y: Scale, frame: Frame, ends: Mapping[str
         if extent(panel.marks, "x", x.log) is None or extent(panel.marks, "y", y.log) is None:
             axes.text(0.5, 0.5, "no data", transform=axes.transAxes, ha="center", color=QUIET[0], fontsize=frame.font)
     for line, text in enumerate(reversed(title_lines(panel, frame.width, frame.font))):
-        place = 1 + (7 + line * 1.25 * frame.font) / inner[1]
+        place = 1 + (7 + frame.over + line * 1.25 * frame.font) / inner[1]
         axes.text(-(frame.left - 4) / inner[0], place, text, transform=axes.transAxes, ha="left", va="bottom",
                   fontsize=frame.font + 0.5, fontweight="bold")  # fmt: skip
     return inline(_svg(figure, salt), spoken_title(panel), spoken(panel, x, y), f"panel-{salt[:16]}")
@@ -175,25 +177,13 @@ def _write_ends(axes: Axes, ends: Mapping[str, Line | Points], x: Scale, y: Scal
             end = (x.fraction(float(xs[last[-1]])) * width, y.fraction(float(ys[last[-1]])) * height)
             places.append((end, label, style(mark.role).light))
     places.sort(key=lambda place: place[0][1])
-    heights = _apart([place[0][1] for place in places], 1.2 * frame.font, height)
+    heights = apart([place[0][1] for place in places], 1.2 * frame.font, height)
     for ((end_x, end_y), label, colour), at in zip(places, heights, strict=True):
         if abs(at - end_y) > 0.35 * frame.font or end_x < width - 16:
             axes.plot([end_x / width, 1 + 5 / width], [end_y / height, at / height], transform=axes.transAxes,
                       color=colour, linewidth=0.6, linestyle=(0, (1, 2)), clip_on=False)  # fmt: skip
         axes.text(1 + 7 / width, at / height, label, transform=axes.transAxes, color=colour, va="center_baseline",
                   fontsize=frame.font, fontweight="bold")  # fmt: skip
-
-
-def _apart(places: list[float], gap: float, high: float) -> list[float]:
-    """Move sorted `places` until they are `gap` apart and end at `high` or below where there is room."""
-    moved: list[float] = []
-    for place in places:
-        moved.append(max(place, moved[-1] + gap) if moved else place)
-    limit = high
-    for number in reversed(range(len(moved))):
-        moved[number] = min(moved[number], limit)
-        limit = moved[number] - gap
-    return moved
 
 
 def _svg(figure: Any, salt: str) -> str:

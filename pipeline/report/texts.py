@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 _GROUND = {"facecolor": PAPER[0], "edgecolor": "none", "alpha": 0.8, "pad": 0.8}  # below the words of a rule
 _GAP = 3.0  # px between a rule and its name
+_LEADER = 14.0  # px from the axes to the names above them
+_MOST_OVER = 120.0  # longest name above the axes, px
 _POINT = 4.0  # half of a point's size, px
 
 
@@ -44,31 +47,79 @@ class Box:
 def write_texts(axes: Axes, marks: Sequence[Mark], x: Scale, y: Scale, inner: tuple[float, float], font: float) -> None:
     """Write the names of rules and the texts of points on axes of size `inner` (pixels)."""
     taken: list[Box] = []
-    rules = [mark for mark in marks if isinstance(mark, Rule)]
-    upright = [x.fraction(float(x.shown(rule.x))) * inner[0] for rule in rules if rule.x is not None]
-    lines = [Box(at - 0.5, 0, at + 0.5, inner[1]) for at in upright if np.isfinite(at)]
-    for rule in sorted(rules, key=lambda rule: (rule.x is None, rule.x or 0.0)):
-        _name_rule(axes, rule, x, y, inner, font, taken, lines)
+    upright = _upright(marks, x, inner[0])
+    level = [(_pixel(mark.y, y, inner[1]), mark) for mark in marks if isinstance(mark, Rule) and mark.y is not None]
+    lines = [Box(at - 0.5, 0, at + 0.5, inner[1]) for at, _ in upright]
+    lines += [Box(0, at - 0.5, inner[0], at + 0.5) for at, _ in level if np.isfinite(at)]
+    if room_over(marks, x, inner[0], font):
+        _name_over(axes, upright, inner, font)
+    else:
+        for at, rule in upright:
+            _name_rule(axes, rule, _beside, at, inner, font, taken, lines)
+    for at, rule in level:
+        if np.isfinite(at):
+            _name_rule(axes, rule, _along, at, inner, font, taken, lines)
     for mark in marks:
         if isinstance(mark, Points) and mark.texts:
             _name_points(axes, mark, x, y, inner, font - 1, taken)
 
 
+def room_over(marks: Sequence[Mark], x: Scale, width: float, font: float) -> float:
+    """Return the height above the axes that the names of upright rules need; 0 where they have room in the axes."""
+    named = [(at, shortened(clean(rule.label), _MOST_OVER, font - 0.5)) for at, rule in _upright(marks, x, width)]
+    places = [at for at, text in named if text]
+    if all(b - a >= 1.3 * font for a, b in pairwise(places)):
+        return 0.0
+    return _LEADER + max(text_width(text, font - 0.5) for _, text in named) + 4
+
+
+def apart(places: Sequence[float], gap: float, high: float) -> list[float]:
+    """Move sorted `places` until they are `gap` apart and end at `high` or below where there is room."""
+    moved: list[float] = []
+    for place in places:
+        moved.append(max(place, moved[-1] + gap) if moved else place)
+    limit = high
+    for number in reversed(range(len(moved))):
+        moved[number] = min(moved[number], limit)
+        limit = moved[number] - gap
+    return moved
+
+
+def _pixel(value: float, scale: Scale, length: float) -> float:
+    """Return where an SI number lies along an axis of that length; NaN where the scale cannot show it."""
+    shown = float(scale.shown(value))
+    return scale.fraction(shown) * length if np.isfinite(shown) else np.nan
+
+
+def _upright(marks: Sequence[Mark], x: Scale, width: float) -> list[tuple[float, Rule]]:
+    """Return the rules at an x that can be shown, from left to right, with their places in pixels."""
+    found = [(_pixel(mark.x, x, width), mark) for mark in marks if isinstance(mark, Rule) and mark.x is not None]
+    return sorted((one for one in found if np.isfinite(one[0])), key=lambda one: one[0])
+
+
+def _name_over(axes: Axes, upright: Sequence[tuple[float, Rule]], inner: tuple[float, float], font: float) -> None:
+    """Write the names of crowded rules above the axes, side by side, each with a line to its rule."""
+    width, height = inner
+    named = [(at, rule) for at, rule in upright if clean(rule.label)]
+    for (at, rule), place in zip(named, apart([at for at, _ in named], 1.2 * font, width), strict=True):
+        colour = style(rule.role).light
+        axes.plot([at / width, place / width], [1, 1 + (_LEADER - 1) / height], transform=axes.transAxes, color=colour,
+                  linewidth=0.8, clip_on=False)  # fmt: skip
+        axes.text(place / width, 1 + _LEADER / height, shortened(clean(rule.label), _MOST_OVER, font - 0.5),
+                  transform=axes.transAxes, ha="center", va="bottom", rotation=90, color=colour,
+                  fontsize=font - 0.5)  # fmt: skip
+
+
 def _name_rule(
-    axes: Axes, rule: Rule, x: Scale, y: Scale, inner: tuple[float, float], font: float,
-    taken: list[Box], lines: Sequence[Box],
+    axes: Axes, rule: Rule, places: Callable[[float, tuple[float, float], float, float], Iterator[Box]], at: float,
+    inner: tuple[float, float], font: float, taken: list[Box], lines: Sequence[Box],
 ) -> None:  # fmt: skip
     width, height = inner
     upright = rule.x is not None
     text = shortened(clean(rule.label), 0.9 * (height if upright else width), font - 0.5)
-    at = float(x.shown(rule.x)) if upright else float(y.shown(rule.y))
-    if not text or not np.isfinite(at):
+    if not text:
         return
-    long, tall = text_width(text, font - 0.5), 1.15 * font
-    if upright:
-        boxes = list(_beside(x.fraction(at) * width, height, long, tall))
-    else:
-        boxes = list(_along(y.fraction(at) * height, width, long, tall))
+    boxes = list(places(at, inner, text_width(text, font - 0.5), 1.15 * font))
     inside = [box for box in boxes if box.within(width, height)]
     apart = [box for box in inside if not any(box.meets(other) for other in taken)]
     clear = [box for box in apart if not any(box.meets(line) for line in lines)]
@@ -79,8 +130,9 @@ def _name_rule(
               color=style(rule.role).light, fontsize=font - 0.5, bbox=_GROUND, zorder=5)  # fmt: skip
 
 
-def _beside(at: float, height: float, long: float, tall: float) -> Iterator[Box]:
+def _beside(at: float, inner: tuple[float, float], long: float, tall: float) -> Iterator[Box]:
     """Yield places for an upright word at a rule at `at`: at the top on either side, then lower and lower."""
+    height = inner[1]
     top = height - 2
     while top - long >= 0:
         for left in (at + _GAP, at - _GAP - tall):
@@ -90,8 +142,9 @@ def _beside(at: float, height: float, long: float, tall: float) -> Iterator[Box]
         yield Box(left, height - 2 - long, left + tall, height - 2)
 
 
-def _along(at: float, width: float, long: float, tall: float) -> Iterator[Box]:
+def _along(at: float, inner: tuple[float, float], long: float, tall: float) -> Iterator[Box]:
     """Yield places for a word at a rule at height `at`: at the right above and below, then further to the left."""
+    width = inner[0]
     right = width - _GAP
     while right - long >= 0:
         for bottom in (at + 1, at - 1 - tall):
