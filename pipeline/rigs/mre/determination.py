@@ -20,6 +20,7 @@ _LARGEST_OF_SUM = 0.1
 # errors of all that correlates with it.
 _LOOSE, _TIED = 0.3, 0.5
 _HALF = 0.5  # a relative standard error that leaves not even the order of magnitude
+_NEEDS_TAU = "is not determined: only tau tells k1 and k2 apart, and tau is not determined"
 _TIED_TO_TAU = "is not determined: it is tied to tau, which is all but free"
 _UNITS = {"k1": "N/m", "k2": "N/m", "k_mr": "N/m", "s_mr": "N s/m", "alpha_bw": "N", "rho": "1/m", "tau": "s"}
 _UNITS |= {"c_bw": "1", "n_bw": "1", "force_lag": "s", "moving_mass": "kg"}
@@ -84,7 +85,7 @@ def judge(
         if loose and name != "tau" and _correlation(errors, row, tau) > _TIED:
             lost.setdefault(name, f"{name} {_TIED_TO_TAU}")
     if "tau" in lost:
-        lost = {"k1": "", "k2": "", **lost}
+        lost = {name: f"{name} {_NEEDS_TAU}" for name in ("k1", "k2")} | lost
     sums = []
     for name, text, members, total, gradient in _sums_of(names, values):
         spread, dof = errors.of(gradient)

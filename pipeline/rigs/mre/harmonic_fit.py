@@ -28,7 +28,7 @@ from pipeline.rigs.mre.dynamic_model import (
 from pipeline.rigs.mre.fit_errors import PHYSICAL_BOUNDS, Key, errors_of_wrong_model, errors_with_scatter, increment_of
 from pipeline.rigs.mre.fit_estimates import estimates_of, impossible
 from pipeline.rigs.mre.loop import Loop, group_levels
-from pipeline.rigs.mre.variants import REJECTED_BEYOND, compare_variants, rms_force
+from pipeline.rigs.mre.variants import NEGLIGIBLE, REJECTED_BEYOND, compare_variants, rms_force
 
 VARIANTS = ("ks", "ka", "km", "k", "ksa")
 # Twice the log-likelihood that a run scatter must gain to be taken (one-sided 95 %).
@@ -175,7 +175,8 @@ def _finished(
     else:
         scatter, fit, V = _NO_SCATTER, base, np.zeros((groups.size, 0))
     factor = max(fit.chi2 / max(fit.dof, 1), 1.0)
-    rejected = factor > REJECTED_BEYOND and held_scatter is None
+    missed = rms_force(model.real_data - model.predicted(fit.q, fit.c), 1) / rms_force(model.real_data, 1)
+    rejected = factor > REJECTED_BEYOND and missed > NEGLIGIBLE and held_scatter is None
     if rejected:
         fit, scatter = base, replace(scatter, value=0.0)
         factor = max(fit.chi2 / max(fit.dof, 1), 1.0)

@@ -20,15 +20,21 @@ from pipeline.rigs.mre.shear import ShearSettings
 from pipeline.rigs.mre.shear_arrays import arrays_of
 from pipeline.rigs.mre.shear_faults import mains_instead, say_faults, say_faults_of_fit
 from pipeline.rigs.mre.shear_odd import set_odd_runs_aside
-from pipeline.rigs.mre.shear_parameters import VARIANT_TEXTS, Labels, loop_parameters, models_of, parameters_of
+from pipeline.rigs.mre.shear_parameters import (
+    VARIANT_TEXTS,
+    Labels,
+    linear_parameters,
+    loop_parameters,
+    models_of,
+    parameters_of,
+)
 from pipeline.rigs.mre.shear_published import published
+from pipeline.rigs.mre.shear_records import RecordFits, fit_all_records
 from pipeline.rigs.mre.shear_runs import sort_runs
-from pipeline.rigs.mre.shear_sorted import SortedRuns, UsableRun
+from pipeline.rigs.mre.shear_sorted import SortedRuns
 from pipeline.rigs.mre.shear_unusable import nothing_usable
+from pipeline.rigs.mre.shear_unsteady import say_faults_of_records
 from pipeline.rigs.mre.shear_verdict import judge
-from pipeline.rigs.mre.time_columns import Record
-from pipeline.rigs.mre.time_fit import TimeFit, fit_records
-from pipeline.rigs.mre.time_model import TimeOptions
 from pipeline.rigs.mre.untared_mass import weigh_mass
 from pipeline.rigs.mre.variants import DECISIVE, undecided
 
@@ -55,16 +61,21 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
     dynamic, fit = outcome.found, outcome.found.selected if outcome.found else None
     without = leave_one_out(fit, options) if fit is not None and len(fit.loops) > 1 else None
     preloads = _preloads(runs, fit)
-    times = _records(runs, settings) if not runs.loops else []
+    records = fit_all_records(runs, settings, options) if not runs.loops else RecordFits()
     if runs.loops and runs.records:
         for usable in list(runs.records):
             runs.set_aside(usable.run, f"no steady cycles ({usable.excitation.reason}), which the other runs have")
     doubts += say_faults_of_fit(runs, fit) if fit is not None else []
+    doubts += say_faults_of_records(runs, records.fits)
     doubts += _undecided(dynamic) if dynamic is not None else []
     doubts += outcome.doubts
-    judgement = judge(runs, fit, times, doubts, condemned)
+    judgement = judge(runs, fit, records.fits, doubts, condemned)
     labels = Labels.of(recordings, fit)
-    parameters = [*parameters_of(fit, times, preloads, labels), *loop_parameters(runs, fit)]
+    parameters = [
+        *parameters_of(fit, records.fits, preloads, labels),
+        *loop_parameters(runs, fit),
+        *linear_parameters(runs, records.linear),
+    ]
     return Findings(
         campaign=context.campaign,
         experiment="mre.shear",
@@ -72,13 +83,13 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
         reasons=judgement.reasons,
         advice=judgement.advice,
         parameters=parameters,
-        models=models_of(dynamic, without, times),
+        models=models_of(dynamic, without, records.fits),
         published=published(runs, preloads),
         quality=[
             Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in runs.quality
         ],
         runs=_runs(recordings, runs, outcome.beside),
-        arrays=arrays_of(runs, fit, without, times, preloads, parameters),
+        arrays=arrays_of(runs, fit, without, records.fits, preloads, parameters),
     )
 
 
@@ -238,32 +249,6 @@ def _preloads(runs: SortedRuns, fit: DynamicFit | None) -> PreloadTable | None:
             by_frequency.setdefault(label, set()).add(round(loop.preload or 0.0, -1))
         chosen = [loop for loop, label in zip(known, labels, strict=True) if len(by_frequency[label]) > 1]
     return preload_table(fit, chosen) if len(chosen) > 1 else None
-
-
-def _records(runs: SortedRuns, settings: ShearSettings) -> list[TimeFit]:
-    """Fit records without a period, one current after the other."""
-    labels, levels = group_levels([usable.current for usable in runs.records], settings.current_tolerance)
-    fits = []
-    for level in range(len(levels)):
-        members = [usable for usable, label in zip(runs.records, labels, strict=True) if label == level]
-        fits.append(fit_records([_record(usable) for usable in members], _time_options(settings, members)))
-    return fits
-
-
-def _record(usable: UsableRun) -> Record:
-    series = usable.series
-    return Record(usable.run, series.time, series.x, series.F, usable.current, series.counts)
-
-
-def _time_options(settings: ShearSettings, members: list[UsableRun]) -> TimeOptions:
-    return TimeOptions(
-        cutoff=settings.cutoff,
-        viscous=bool(members[0].current),
-        fit_lag=settings.force_lag == "fit",
-        force_lag=settings.force_lag if isinstance(settings.force_lag, float) else 0.0,
-        fit_mass=settings.moving_mass == "fit",
-        starts=settings.starts,
-    )
 
 
 def _runs(recordings: Sequence[Recording], runs: SortedRuns, beside: Mapping[str, str]) -> list[Run]:

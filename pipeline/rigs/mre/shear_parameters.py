@@ -15,6 +15,7 @@ from pipeline.recording import Recording
 from pipeline.rigs.mre.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.harmonic_fit import Identification
 from pipeline.rigs.mre.leave_one_out import LeaveOneOut
+from pipeline.rigs.mre.linear_equivalent import LinearEquivalent
 from pipeline.rigs.mre.loop import half_cycle_metrics, loop_metrics
 from pipeline.rigs.mre.preload import PreloadTable
 from pipeline.rigs.mre.shear import PARAMETERS
@@ -178,6 +179,18 @@ def loop_parameters(runs: SortedRuns, fit: DynamicFit | None) -> list[Parameter]
             runs.say("warning", usable.run, f"no loop metrics: {error}.")
             continue
         found += [_parameter(e, at, "one half cycle: load and unload") for e in metrics if e.name in _SPECS]
+    return found
+
+
+def linear_parameters(runs: SortedRuns, linear: Sequence[LinearEquivalent]) -> list[Parameter]:
+    """Return spring and damper of the records that need no more."""
+    usable = {u.run: u for u in runs.records}
+    found = []
+    for equivalent in linear:
+        run = usable[equivalent.run]
+        at = _operating_point(run, None, float(np.ptp(run.series.x)) / 2)
+        method = f"F = K x + C v over the record, misfit {100 * equivalent.nrmse:.2g} % of the force"
+        found += [_parameter(e, at, method) for e in equivalent.estimates]
     return found
 
 

@@ -19,6 +19,7 @@ from pipeline.findings import Verdict
 from pipeline.rigs.mre.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.shear_sorted import SortedRuns
 from pipeline.rigs.mre.time_fit import TimeFit
+from pipeline.rigs.mre.variants import REJECTED_BEYOND
 
 # Runs whose largest and smallest are closer than these ratios count as one amplitude, one frequency.
 _ONE_AMPLITUDE, _ONE_FREQUENCY = 1.25, 1.1
@@ -95,6 +96,11 @@ def _loops(said: Judgement, fit: DynamicFit) -> None:
                 "If the runs were at different coil currents or preloads, give 'coil_current' and 'preload' for each."
             )
         return
+    if ratio > REJECTED_BEYOND:
+        said.warn(
+            f"The residual is more than the noise ({ratio:.2g} times its variance) but only {100 * fit.nrmse:.1g} % of the "
+            "force, less than sensors resolve: the errors are scaled to it."
+        )
     if fit.inadmissible:
         said.reject(f"Impossible sign of {', '.join(fit.inadmissible)}: the model is no description of this device.")
     if len(fit.loops) == 1:

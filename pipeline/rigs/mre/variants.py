@@ -15,6 +15,9 @@ from pipeline.rigs.mre.dynamic_model import HarmonicModel
 
 # chi2/dof beyond which no run scatter explains the residual: the model is wrong.
 REJECTED_BEYOND = 2.0
+# A share of the force (rms) that no sensor resolves: a misfit below it speaks of nearly noiseless data, not
+# against the model.
+NEGLIGIBLE = 2e-4
 # A difference of BIC that decides (Kass and Raftery 1995: strong evidence from 6 on).
 DECISIVE = 6.0
 # The paper's variant is taken unless another one is decisively better: a smaller one that fits by chance
