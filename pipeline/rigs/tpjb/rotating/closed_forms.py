@@ -11,7 +11,7 @@ import numpy as np
 def linear_displacement(p: np.ndarray, f: np.ndarray) -> np.ndarray:
     """Return d = K^-1 f (m), shape (2, n): models M1 and M2 (eqs 5 and 6)."""
     kxx, kxy, kyx, kyy = p[:4]
-    return np.stack([kyy * f[0] - kxy * f[1], kxx * f[1] - kyx * f[0]]) / (kxx * kyy - kxy * kyx)
+    return np.asarray(np.stack([kyy * f[0] - kxy * f[1], kxx * f[1] - kyx * f[0]]) / (kxx * kyy - kxy * kyx))
 
 
 def uncoupled_displacement(p: np.ndarray, f: np.ndarray) -> np.ndarray:

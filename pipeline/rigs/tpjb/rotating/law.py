@@ -35,12 +35,9 @@ def force(p: np.ndarray, d: np.ndarray) -> np.ndarray:
     array([3., 8.])
     """
     x, y = d
-    return np.stack(
-        [
-            (p[0] + p[4] * x + p[8] * y) * x + (p[1] + p[5] * y) * y,
-            (p[2] + p[6] * x + p[9] * y) * x + (p[3] + p[7] * y) * y,
-        ]
-    )
+    fx = (p[0] + p[4] * x + p[8] * y) * x + (p[1] + p[5] * y) * y
+    fy = (p[2] + p[6] * x + p[9] * y) * x + (p[3] + p[7] * y) * y
+    return np.stack([fx, fy])
 
 
 def tangent(p: np.ndarray, d: np.ndarray) -> np.ndarray:
@@ -70,7 +67,7 @@ def compliance(p: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Return J^-1 (m/N), shape (2, 2, ...)."""
     J = tangent(p, d)
     det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
-    return np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
+    return np.asarray(np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det)
 
 
 def regressors(d: np.ndarray) -> np.ndarray:
@@ -83,7 +80,7 @@ def regressors(d: np.ndarray) -> np.ndarray:
 
 def sensitivity(p: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Return dd/dp = -J^-1 df/dp at constant force, shape (2, 10, n), for equilibria `d`, shape (2, n)."""
-    return -np.einsum("ijn,jkn->ikn", compliance(p, d), regressors(d))
+    return np.asarray(-np.einsum("ijn,jkn->ikn", compliance(p, d), regressors(d)))
 
 
 def equilibrium(p: np.ndarray, f: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:

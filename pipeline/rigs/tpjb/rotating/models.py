@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.rigs.tpjb.rotating import law
 from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS, SCALE
 
 
@@ -57,6 +58,15 @@ class Model:
     def covariance(self, covariance: np.ndarray) -> np.ndarray:
         """Return the covariance of the ten, shape (10, 10), from that of the free ones, shape (k, k)."""
         return np.asarray(self.matrix @ covariance @ self.matrix.T)
+
+    def displacement(self, theta: np.ndarray, f: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:
+        """Return the displacement (m), shape (2, n), under the force `f`; see `law.equilibrium`."""
+        return law.equilibrium(self.coefficients(theta), f, near)
+
+    def slopes(self, theta: np.ndarray, d: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # noqa: ARG002 - other laws need it
+        """Return dd/dtheta, shape (2, k, n), and dd/df, shape (2, 2, n), at equilibria `d` under `f`, (2, n)."""
+        p = self.coefficients(theta)
+        return np.einsum("ikn,kj->ijn", law.sensitivity(p, d), self.matrix), law.compliance(p, d)
 
     def holds(self, other: Model) -> bool:
         """Tell whether every law of the other model is one of this."""
