@@ -47,9 +47,11 @@ def first_fault(
     if first["type"] == "missing":
         return f"{at}: the key '{key}' is missing; add '{place[-1]}: ...'."
     same = [fault for other, fault in faults if other == place]
-    telling = [fault for fault in same if fault["type"] in _TELLING]
-    expected = " or ".join(dict.fromkeys(_expected(fault) for fault in telling or same))
-    return f"{at}: '{key}' is {_shown((telling or same)[0]['input'])}; expected is {expected}.{_meaning(model, place[len(above) :])}"
+    if any(fault["type"] in _TELLING for fault in same):
+        same = [fault for fault in same if fault["type"] in {*_TELLING, "literal_error"}]
+    expected = " or ".join(dict.fromkeys(_expected(fault) for fault in same))
+    meaning = _meaning(model, place[len(above) :])
+    return f"{at}: '{key}' is {_shown(same[0]['input'])}; expected is {expected}.{meaning}"
 
 
 def _place(fault: ErrorDetails, content: Any, above: tuple[str, ...]) -> tuple[str | int, ...]:

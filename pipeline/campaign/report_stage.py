@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from pipeline.campaign.project import Campaign, Project
+from pipeline.errors import InputError
 from pipeline.findings import Findings
 from pipeline.recording.storage import whole_or_not
 from pipeline.report.index import IndexEntry, index_entry, render_index
@@ -31,13 +32,28 @@ def entry(findings: Findings, experiment: Experiment, title: str, campaign: Camp
 
 
 def index(project: Project) -> tuple[Path, list[str]]:
-    """Write ``reports/index.html``; return its path and the campaigns that are rejected."""
+    """Write ``reports/index.html``; return its path and the campaigns that are rejected.
+
+    Raises
+    ------
+    InputError
+        If what a report left for the index is damaged.
+    """
     entries = []
     for name in project.campaigns():
         path = Campaign(name, project.root).index_entry
         if path.is_file():
-            entries.append(IndexEntry(**json.loads(path.read_text(encoding="utf-8"))))
+            entries.append(_entry_of(path))
     page = project.root / "reports" / "index.html"
     with whole_or_not(page) as partial:
         partial.write_text(render_index(entries), encoding="utf-8")
     return page, [entry.name for entry in entries if entry.verdict == "rejected"]
+
+
+def _entry_of(path: Path) -> IndexEntry:
+    try:
+        return IndexEntry(**json.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, TypeError) as error:
+        raise InputError(
+            f"{path}: is damaged ({error}); run 'rigfit report {path.stem}', which writes it anew."
+        ) from error

@@ -111,6 +111,12 @@ def test_runs_tables_of_many_dialects_say_the_same(tmp_path: Path, text: str | b
         ("run,wire_diameter\n,1\n", "line 2: the column 'run' is empty"),
         ("run,wire_diameter,wire_diameter\na,1,2\n", "two columns are called 'wire_diameter'"),
         (b"run\0\1\2", "NUL"),
+        (
+            "run,wire_diameter [mm]\na,1,5\n",
+            "line 2: has 3 cells but the header names 2 columns; nothing says what '5' is",
+        ),
+        ("run,wire_diameter [mm]\na,nan\n", "line 2, column 'wire_diameter'"),
+        ("run,wire_diameter [mm]\na,1e999\n", "cannot be"),
     ],
 )
 def test_a_broken_runs_table_is_answered_with_line_and_column(tmp_path: Path, text: str | bytes, hint: str) -> None:
@@ -126,5 +132,34 @@ def test_a_misspelt_column_of_the_runs_table_is_said(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("pattern", ["pull_{wire_diameter", "pull_wire_diameter}", "{wire_diameter}_{x"])
 def test_a_brace_without_its_partner_in_the_pattern_is_refused(tmp_path: Path, pattern: str) -> None:
-    with pytest.raises(InputError, match="line 2: file_name: .* a brace without its partner"):
+    with pytest.raises(InputError, match=r"line 2: file_name: .* a brace without its partner"):
         recipe(tmp_path, f'file_name: "{pattern}"\n')
+
+
+def test_empty_cells_beyond_the_header_do_not_matter(tmp_path: Path) -> None:
+    rows = table(tmp_path, "run,wire_diameter [mm]\na,1,,\n")
+    assert rows.conditions("a")["wire_diameter"] == pytest.approx(1e-3)
+
+
+def test_a_run_may_be_called_by_the_name_of_its_file(tmp_path: Path) -> None:
+    rows = table(tmp_path, "run,wire_diameter [mm]\npull_1.csv,1\npull_2,2\npul_3,3\n")
+    assert rows.conditions("pull_1", ["pull_1.csv"])["wire_diameter"] == pytest.approx(1e-3)
+    assert rows.conditions("pull_2", ["pull_2.csv"])["wire_diameter"] == pytest.approx(2e-3)
+    runs = {name: [f"{name}.csv"] for name in ("pull_1", "pull_2", "pull_3")}
+    assert rows.unknown(runs) == ["'pul_3' (Did you mean 'pull_3'?)"]
+
+
+def test_a_run_that_two_lines_mean_is_refused(tmp_path: Path) -> None:
+    rows = table(tmp_path, "run,wire_diameter [mm]\na,1\na.csv,2\n")
+    with pytest.raises(InputError, match=r"'a', 'a\.csv' are the same run"):
+        rows.conditions("a", ["a.csv"])
+
+
+def test_a_number_in_the_log_that_cannot_be_is_said_and_not_used(tmp_path: Path) -> None:
+    path = tmp_path / "r.yaml"
+    path.write_text("experiment: mre.shear\n")
+    found = conditions.of_run("a", load(path), None, {"pad_height": "-6 mm", "n_pads": "2"}, ["a.csv"])
+    assert "pad_height" not in found.values
+    assert found.values["n_pads"] == 2
+    assert "-6 mm" in found.notes[0].message
+    assert found.notes[0].message.endswith("It is not used.")

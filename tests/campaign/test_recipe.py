@@ -64,7 +64,24 @@ FAULTS = [
     ("experiment: spring.pull\n  channels: {}\n", 2, "YAML"),
     ("experiment: [spring\n", 2, "YAML"),
     ("channels: {}\n", None, "experiment"),
-    ("- a\n- b\n", None, "key: value"),
+    ("- a\n- b\n", None, "found a list"),
+    ("hello\n", None, "found only 'hello'"),
+    ("experiment: 42\n", 1, "expected is text"),
+    ("experiment: spring.pull\nchannels: [Zeit]\n", 2, "'channels' is a list"),
+    ("experiment: spring.pull\nchannels:\n  force:\n", 3, "'channels.force' is empty; expected is 'key: value' lines"),
+    ("experiment: spring.pull\nchannels:\n  force: {scale: 0}\n", 3, "a factor other than 0"),
+    ("experiment: spring.pull\nchannels:\n  force: {scale: true}\n", 3, "'channels.force.scale' is true"),
+    ("experiment: spring.pull\nchannels:\n  force: {offset: 5 N}\n", 3, "expected is a number"),
+    ("experiment: spring.pull\nchannels:\n  force: {scale: .inf}\n", 3, "'channels.force.scale' is inf"),
+    ("experiment: spring.pull\nconditions:\n  wire_diameter: .nan\n", 3, "'conditions.wire_diameter' is nan"),
+    ("experiment: spring.pull\nconditions:\n  wire_diameter: true\n", 3, "is true, expected is a number in m"),
+    ("experiment: spring.pull\nconditions:\n  wire_diameter: [1, 2]\n", 3, "'conditions.wire_diameter' is a list"),
+    ("experiment: spring.pull\nconditions:\n  wire_diameter: 1e999\n", 3, "inf"),
+    ("experiment: spring.pull\nsettings:\n  largest_extension: .nan\n", 3, "nan"),
+    ("experiment: spring.pull\nsettings:\n  largest_extension: true\n", 3, "true"),
+    ("experiment: spring.pull\nsettings:\n  largest_extension: 3 mm\n", 3, "It is: m; samples beyond it"),
+    ('experiment: spring.pull\nfile_name: "{wire}_x"\n', 2, "Known conditions: wire_diameter"),
+    ('experiment: spring.pull\nfile_name: "run"\n', 2, "names no condition"),
     ("", None, "experiment"),
 ]
 
@@ -100,3 +117,66 @@ def test_the_digest_changes_with_the_content_and_not_with_comments(tmp_path: Pat
     same = load(written(tmp_path, "# note\nexperiment: spring.pull   # here\n")).digest
     other = load(written(tmp_path, "experiment: spring.pull\nsettings: {largest_extension: 0.2}\n")).digest
     assert one == same != other
+
+
+SHEAR_FAULTS = [
+    ("conditions", "force_lag: 5 s", "from -0.1 to 0.1 s"),
+    ("conditions", "n_pads: 2.5", "a whole number, from 1 to 100"),
+    ("conditions", "n_pads: 0", "a whole number, from 1 to 100"),
+    ("conditions", "moving_mass: -1 kg", "from 0 to 1000 kg"),
+    ("conditions", "preload: -200 N", "from 0"),
+    ("conditions", "frequency: -1 Hz", "more than 0 up to 100000 Hz"),
+    ("conditions", "pad_height: 6", "more than 0 up to 1 m"),
+    ("settings", "force_lag: 5", "'fit' or from -0.1 to 0.1"),
+    ("settings", "force_lag: soon", "'fit' or a number"),
+    ("settings", "moving_mass: -1", "from 0 to 1000"),
+    ("settings", "starts: 2.5", "a whole number"),
+    ("settings", "mains_frequency: -50", "greater than or equal to 0"),
+    ("settings", "mains_frequency: true", "not true or false"),
+]
+
+
+@pytest.mark.parametrize(("section", "line", "hint"), SHEAR_FAULTS)
+def test_what_an_experiment_declares_implausible_is_refused(tmp_path: Path, section: str, line: str, hint: str) -> None:
+    path = written(tmp_path, f"experiment: mre.shear\n{section}:\n  {line}\n")
+    with pytest.raises(InputError) as told:
+        load(path)
+    assert f"{path} line 3" in str(told.value)
+    assert hint in str(told.value)
+    assert "literal" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    "line", ["force_lag: 60 us", "n_pads: 2", "moving_mass: 150 g", "coil_current: -2 A", "preload: 0"]
+)
+def test_what_is_plausible_is_taken(tmp_path: Path, line: str) -> None:
+    assert load(written(tmp_path, f"experiment: mre.shear\nconditions:\n  {line}\n")).conditions
+
+
+def bomb() -> str:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 12)]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        (bomb(), "aliases"),
+        ("experiment: &a\n  x: {y: *a}\n", "r.yaml|spring.yaml"),
+        ("a: " + "[" * 30_000, "nested deeper than 20 levels"),
+        ("".join(f"{' ' * n}k{n}:\n" for n in range(300)), "nested deeper than 20 levels"),
+        ("a: [" + "1, " * 60_000 + "]", "more than 10000 keys and values"),
+        ("# a log\n" * 100_000, "0.8 MB"),
+    ],
+)
+def test_a_recipe_that_would_unfold_without_end_is_refused(tmp_path: Path, text: str, hint: str) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(InputError, match=hint) as told:
+        load(path)
+    assert str(path) in str(told.value)
+
+
+def test_a_sign_may_be_written_as_text(tmp_path: Path) -> None:
+    made = load(written(tmp_path, 'experiment: spring.pull\nchannels: {force: {channel: F, sign: "-1"}}\n'))
+    assert made.channels["force"].sign == -1
