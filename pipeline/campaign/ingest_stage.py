@@ -87,7 +87,7 @@ def ingest(
     force: bool = False,
     progress: Progress = lambda _run: None,
 ) -> Ingested:
-    """Bring `folder` up to date with the logs of `runs`.
+    """Bring `folder` up to date with the logs of `runs`; a recording that is not as it was written is made anew.
 
     Parameters
     ----------
@@ -101,8 +101,7 @@ def ingest(
     Raises
     ------
     InputError
-        If no log at all can be read; nothing is changed then. A recording that is not as it was written is
-        made anew. Logs that cannot be read beside others
+        If no log at all can be read; nothing is changed then. Logs that cannot be read beside others
         that can are left out, which the result says as an error of that run.
     """
     before = {} if force else _manifest(folder).get("runs", {})
@@ -130,6 +129,7 @@ def ingest(
         else:
             kept[run] = {"key": tasks[run].key, "files": outcome}
         progress(run)
+    failed = {entry.run: failed[entry.run] for entry in wanted if entry.run in failed}
     if not kept:
         raise InputError(_nothing(wanted, failed, recipe))
     quality += [QualityFinding("error", f"left out: {message}", run) for run, message in failed.items()]
