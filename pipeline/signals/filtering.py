@@ -139,6 +139,6 @@ def _stretch_by_stretch(
             out[part] = operation(x, (t.size - 1) / (t[-1] - t[0]))
         else:
             own = (grid.size - 1) / (t[-1] - t[0])
-            done = operation(interpolated(t, x, grid, np.inf, linear=True), own)
+            done = operation(interpolated(t, x, grid, np.inf), own)
             out[part] = interpolated(grid, done, t, np.inf) if np.isfinite(done).all() else np.nan
     return out

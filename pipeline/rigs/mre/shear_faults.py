@@ -17,9 +17,8 @@ from pipeline.rigs.mre.shear_check import MODULUS_RANGE
 from pipeline.rigs.mre.shear_labels import say_labels
 from pipeline.rigs.mre.shear_sampling import say_coarse
 from pipeline.rigs.mre.shear_sorted import SortedRuns
-from pipeline.rigs.mre.shear_unsteady import say_unsteady
+from pipeline.rigs.mre.shear_unsteady import LAG_SAID, say_unsteady
 
-LAG_SAID = 50e-6  # s
 _REMANENCE = 5e-3  # T
 _PRELOAD_CHANGE = 0.1
 # Share of the stroke within 10 % of the largest force that no visco-elastic loop has, and the least friction

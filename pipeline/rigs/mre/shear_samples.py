@@ -22,6 +22,8 @@ _STUCK_SHARE = 0.2
 # Of a rounded top the highest step of the converter holds at most three times as many samples as the mean of
 # the next three below it: clipping is more than that, and more than these.
 _FLAT_SHARE, _FLAT_SAMPLES, _FLAT_CROWDED = 0.02, 6, 6.0
+# So many in a row show it where leaving out what is not clipped would do no harm.
+_FEW_FLAT = 3
 # What moves less or reaches more than this (m, N) is no signal of any sensor.
 _LEAST, _LARGEST = 1e-15, 1e12
 # A spike is at most this many samples long, this many sigma and this share of the range high.
@@ -151,7 +153,7 @@ def _stuck(time: np.ndarray, values: np.ndarray) -> list[Stretch]:
 def clipping(values: np.ndarray) -> tuple[float, float] | None:
     """Return level and share of samples of the flattened side of a clipped signal, None where it is not."""
     found = None
-    for level, there in _crowded_ends(values):
+    for level, there in _crowded_ends(values, _FLAT_SAMPLES):
         share = float(there.mean())
         if share > _FLAT_SHARE and (found is None or share > found[1]):
             found = (level, share)
@@ -161,12 +163,12 @@ def clipping(values: np.ndarray) -> tuple[float, float] | None:
 def flat_tops(values: np.ndarray) -> np.ndarray:
     """Tell which samples lie on flat tops, however few, of a signal that is clipped; shape of `values`."""
     flat = np.zeros(values.size, dtype=bool)
-    for _, there in _crowded_ends(values):
+    for _, there in _crowded_ends(values, _FEW_FLAT):
         flat |= there
     return flat
 
 
-def _crowded_ends(values: np.ndarray) -> list[tuple[float, np.ndarray]]:
+def _crowded_ends(values: np.ndarray, in_a_row: int) -> list[tuple[float, np.ndarray]]:
     """Return the extreme levels that a clipped signal has, and which samples lie there.
 
     The extreme value must repeat, in a row and far more often than the levels next to it: a coarse
@@ -177,7 +179,7 @@ def _crowded_ends(values: np.ndarray) -> list[tuple[float, np.ndarray]]:
         levels, counts = np.unique(side * values, return_counts=True)
         there = side * values == levels[-1]
         crowded = counts[-1] > _FLAT_CROWDED * max(float(counts[-4:-1].mean()), 1.0) if levels.size > 4 else False
-        if crowded and _longest(there) >= _FLAT_SAMPLES:
+        if crowded and _longest(there) >= in_a_row:
             found.append((float(side * levels[-1]), there))
     return found
 

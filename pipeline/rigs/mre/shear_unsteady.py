@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,11 +10,15 @@ from pipeline.errors import listing
 from pipeline.rigs.mre.loop import half_range
 from pipeline.rigs.mre.shear_cycles import Wander
 from pipeline.rigs.mre.shear_sorted import SortedRuns
+from pipeline.rigs.mre.time_fit import TimeFit
 
+LAG_SAID = 50e-6  # s
 # Shares of the force amplitude: a drift that is told, one that is doubted though the fit takes it out, and the
 # least that is left of a step or wander.
 _DRIFT_SAID, _DRIFT_DOUBTED, _REST_SAID = 0.05, 0.2, 0.015
 _ZERO_SAID = 0.1
+# A record that a fit misses by more than this share shows no faults but that of the model.
+_HELD = 0.2
 # Of the stiffness from the first to the last cycle, and in standard errors.
 _SOFTENING_SAID, _SOFTENING_SURE = 1e-3, 5.0
 
@@ -102,3 +106,36 @@ def _softening(runs: SortedRuns) -> list[str]:
     )
     runs.say("warning", worst, doubt, "force")
     return [doubt]
+
+
+def say_faults_of_records(runs: SortedRuns, fits: Sequence[TimeFit]) -> list[str]:
+    """Say what the fits of records without a period show; return what casts doubt on the numbers."""
+    doubts = []
+    for fit in fits:
+        if not fit.nrmse < _HELD:
+            continue
+        for run, drift in fit.drift.items():
+            series = fit.series[run]
+            size, minutes = 0.5 * float(np.ptp(series["force"])), float(series["time"][-1] - series["time"][0]) / 60
+            told = (
+                f"the mean force drifts by {drift:.3g} N ({drift / minutes:.3g} N per minute), {100 * drift / size:.2g} % of its "
+                "amplitude"
+            )
+            if drift > _DRIFT_SAID * size:
+                runs.say("warning", run, f"{told}: a sensor's zero, or temperature. It is taken out.", "force")
+            if drift > _DRIFT_DOUBTED * size:
+                doubts.append(f"In run {run} {told}. It is taken out, but what drifts may change its gain too.")
+        for run, (change, sd) in fit.gain_change.items():
+            if abs(change) > max(_SOFTENING_SAID, _SOFTENING_SURE * sd):
+                doubt = (
+                    f"The force of run {run} changes by {100 * change:+.2g} % from start to end against the model: heating, "
+                    "softening, slip, or a gain that fades. Intervals do not hold this."
+                )
+                runs.say("warning", run, doubt, "force")
+                doubts.append(doubt)
+        lag = next((e.value for e in fit.estimates if e.name == "force_lag" and e.value is not None), 0.0)
+        if abs(lag) > LAG_SAID:
+            late = "late" if lag > 0 else "early"
+            told = f"the force is {abs(lag) * 1e6:.0f} us {late} against the displacement; the fit accounts for it."
+            runs.say("warning", None, f"{told} Calibrate it with a rigid link in place of the pads.", "force")
+    return doubts

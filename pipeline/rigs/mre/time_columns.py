@@ -5,6 +5,7 @@ The displacement is low-passed without phase shift: its noise would ratchet w an
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,7 +15,8 @@ from pipeline.rigs.mre.dynamic_model import Shape
 from pipeline.signals.filtering import low_pass
 from pipeline.signals.resampling import stretches
 
-# Samples per period of the cutoff: straight lines between them cost u 0.1 % at a quarter of it.
+# Samples per period of the cutoff, by thinning or by a spline: straight lines between them cost u 0.1 % at a
+# quarter of it.
 _OVERSAMPLING = 16.0
 _FEWEST = 100
 _ORDER = 8  # flat below the cutoff: a third of it is passed to 1e-7
@@ -23,7 +25,7 @@ _WARM_UP_RANGES = 2.0
 _LONGEST_WARM_UP = 0.05
 
 
-_ARRAYS = ("time", "x", "velocity", "acceleration", "force", "usable", "first_half")
+_ARRAYS = ("time", "x", "velocity", "acceleration", "force", "counts", "usable", "first_half")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,8 @@ class Segment:
     """An unbroken part of a record, filtered and thinned; arrays of shape (n,), SI.
 
     `x`, `velocity`, `acceleration` are low-passed at `cutoff` (Hz), `force` only against aliasing.
-    `usable` rows come after the unknown state at the start has faded; `first_half` is that of the record.
+    `counts` are rows that were logged with a force, `usable` those of them after the unknown state at the start
+    has faded; `first_half` is that of the record.
     """
 
     run: str
@@ -57,6 +60,7 @@ class Segment:
     velocity: np.ndarray
     acceleration: np.ndarray
     force: np.ndarray
+    counts: np.ndarray
     usable: np.ndarray
     first_half: np.ndarray
 
@@ -76,9 +80,13 @@ def segments_of(record: Record, cutoff: float | None) -> list[Segment]:
             continue
         t = time[part]
         smooth = low_pass(t, x[part], cutoff, _ORDER)
+        force = low_pass(t, F[part], 0.4 * rate / step) if step > 1 else F[part]
+        rows = _undisturbed(counts[part], step)
+        times = math.ceil(0.9 * _OVERSAMPLING * cutoff / rate)
+        if times > 1:
+            t, smooth, force, rows = _refined(t, smooth, force, rows, times)
         velocity = np.gradient(smooth, t)
         acceleration = np.gradient(velocity, t)
-        force = low_pass(t, F[part], 0.4 * rate / step) if step > 1 else F[part]
         segments.append(
             Segment(
                 run=record.run,
@@ -89,7 +97,8 @@ def segments_of(record: Record, cutoff: float | None) -> list[Segment]:
                 velocity=velocity[::step],
                 acceleration=acceleration[::step],
                 force=force[::step],
-                usable=_after_warm_up(smooth[::step]) & _undisturbed(counts[part], step)[::step],
+                counts=rows[::step],
+                usable=_after_warm_up(smooth[::step]) & rows[::step],
                 first_half=t[::step] < middle,
             )
         )
@@ -109,7 +118,7 @@ def livelier_part(segments: Sequence[Segment], count: int) -> Segment:
     start = int(np.argmax(strayed[count:] - strayed[:-count]))
     rows = slice(start, start + count)
     cut = {name: getattr(whole, name)[rows] for name in _ARRAYS}
-    cut["usable"] = _after_warm_up(cut["x"])
+    cut["usable"] = _after_warm_up(cut["x"]) & cut["counts"]
     return replace(whole, **cut)
 
 
@@ -119,6 +128,18 @@ def _after_warm_up(x: np.ndarray) -> np.ndarray:
     usable = path > _WARM_UP_RANGES * np.ptp(x)
     usable[round(_LONGEST_WARM_UP * usable.size) :] = True
     return np.asarray(usable)
+
+
+def _refined(
+    t: np.ndarray, x: np.ndarray, F: np.ndarray, usable: np.ndarray, times: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Put samples between those of a coarse log, where the path is a spline of x and the force does not count."""
+    from scipy.interpolate import make_interp_spline
+
+    between = np.interp(np.arange((t.size - 1) * times + 1) / times, np.arange(t.size), t)
+    logged = np.zeros(between.size, dtype=bool)
+    logged[::times] = usable
+    return between, make_interp_spline(t, x, k=3)(between), np.interp(between, t, F), logged
 
 
 def _undisturbed(counts: np.ndarray, step: int) -> np.ndarray:

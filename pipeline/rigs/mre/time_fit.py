@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,10 @@ from pipeline.rigs.mre.time_model import TimeModel, TimeOptions
 __all__ = ["Record", "TimeFit", "TimeOptions", "fit_records"]
 
 _SEARCH_ROWS = 6000  # rows of the livelier part on which the starts are tried
+# Where the best start misses this share of the force on the livelier part, no search over the whole record makes
+# a description of it: a rough one shows by how much it fails.
+_HOPELESS, _ROUGH, _FEW = 0.3, 1e-3, 12
+_EVALUATIONS = 60  # of a start; those that get anywhere take a dozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +50,11 @@ class TimeFit:
         Effective over actual number of residuals.
     cutoff
         Of the low-pass that was used, Hz.
+    drift
+        Per run, by how much the mean force drifts where that was fitted along, N.
+    gain_change
+        Per run, by which share the force changes from the start to the end beyond what the model tells,
+        and its standard error.
     series
         Per run `time`, `displacement`, `force`, `model`: the filtered, thinned series compared (SI).
     """
@@ -73,6 +82,8 @@ class TimeFit:
     effective_fraction: float
     cutoff: float
     starts_agreeing: tuple[int, int]
+    drift: Mapping[str, float]
+    gain_change: Mapping[str, tuple[float, float]]
     series: Mapping[str, Mapping[str, np.ndarray]]
 
     def one(self, name: str, coil_current: float | None = None) -> Estimate:
@@ -101,23 +112,34 @@ def fit_records(records: Sequence[Record], options: TimeOptions | None = None) -
         )
     model = TimeModel(segments, options)
     every = model.usable
-    lively = TimeModel([livelier_part(segments, _SEARCH_ROWS)], options)
+    lively = TimeModel([livelier_part(segments, _SEARCH_ROWS)], replace(options, drift=1))
     lively = lively.restricted(lively.usable)
     starts = spread_starts(largest_excursion(segments), options.starts, options.seed)
     coarse, agreeing, tried = multi_start(
-        lambda q0: _fit(lively, q0[: model.n_shape], 1e-6), starts, lambda end: _admissible(end, lively)
+        lambda q0: _fit(lively, q0[: model.n_shape], 1e-6, _EVALUATIONS), starts, lambda end: _admissible(end, lively)
     )
+    hopeless = _nrmse(coarse.residual, lively.data) > _HOPELESS
+    search = (_ROUGH, _FEW) if hopeless else (1e-7, 200)
+    model.add_drift(linear_fit(model.restricted(every)(coarse.q)[0], model.force[every]).residual)
     model.add_hum(linear_fit(model.restricted(every)(coarse.q)[0], model.force[every]).residual)
     first = model.restricted(every & model.first_half)
-    half = _fit(first, coarse.q, 1e-7)
+    half = _fit(first, coarse.q, *search)
     predicted = model.restricted(every & ~model.first_half)
-    fit = _fit(model.restricted(every), half.q, 1e-7)
+    fit = _fit(model.restricted(every), half.q, *search)
     return _finished(model, fit, half, first, predicted, (agreeing, tried))
 
 
-def _fit(model: TimeModel, q0: np.ndarray, tolerance: float) -> SeparableFit:
-    scale = SCALE[: model.n_shape]
-    return fit_separable(model, model.data, q0, lower=model.lower, upper=model.upper, scale=scale, tolerance=tolerance)
+def _fit(model: TimeModel, q0: np.ndarray, tolerance: float, evaluations: int) -> SeparableFit:
+    return fit_separable(
+        model,
+        model.data,
+        q0,
+        lower=model.lower,
+        upper=model.upper,
+        scale=SCALE[: model.n_shape],
+        tolerance=tolerance,
+        max_evaluations=evaluations,
+    )
 
 
 def _bounds_reached(model: TimeModel, fit: SeparableFit) -> dict[str, float]:
@@ -191,6 +213,8 @@ def _finished(
         effective_fraction=fraction,
         cutoff=max(part.cutoff for part in model.segments),
         starts_agreeing=agreeing,
+        drift=_drift(model, fit, run_of_row),
+        gain_change={run: _gain_change(model, fit, run_of_row == run, fraction) for run in runs},
         series={run: _series(model, fit, run, run_of_row) for run in runs},
     )
 
@@ -203,7 +227,8 @@ def _nrmse(residual: np.ndarray, measured: np.ndarray) -> float:
 def _prediction_error(model: TimeModel, half: SeparableFit, first: TimeModel, second: TimeModel) -> float:
     """Return the misfit of the second halves by the fit to the first, states carried through.
 
-    A stretch that begins in the second half has no offset from the first: its own mean is then used.
+    A stretch that begins in the second half has no offset from the first: its own mean is then used, and
+    its own drift where there is one, which cannot be extrapolated.
     """
     if not second.rows.any():
         return math.nan
@@ -211,11 +236,36 @@ def _prediction_error(model: TimeModel, half: SeparableFit, first: TimeModel, se
     terms = len(model.terms)
     residual = second.data - A[:, :terms] @ half.c[:terms]
     known = np.abs(model.nuisance[first.rows]).max(axis=0) > 0
+    known[: model.n_slow] = False
     offsets = model.nuisance[second.rows]
-    residual = residual - offsets[:, known] @ half.c[terms:]
+    residual = residual - offsets[:, known] @ half.c[terms + first.n_slow :]
     if not known.all():
         residual = linear_fit(offsets[:, ~known], residual).residual
     return _nrmse(residual, second.data)
+
+
+def _drift(model: TimeModel, fit: SeparableFit, run_of_row: np.ndarray) -> dict[str, float]:
+    """Return the range of the fitted drift of each run, N; nothing where no drift was fitted."""
+    if model.n_slow == 0:
+        return {}
+    # Columns stand degree by degree, one for each segment; the first degree is the offset.
+    columns = slice(len(model.segments), model.n_slow)
+    start = len(model.terms)
+    drift = model.nuisance[model.usable][:, columns] @ fit.c[start + columns.start : start + columns.stop]
+    return {run: float(np.ptp(drift[run_of_row == run])) for run in dict.fromkeys(run_of_row.tolist())}
+
+
+def _gain_change(model: TimeModel, fit: SeparableFit, here: np.ndarray, fraction: float) -> tuple[float, float]:
+    """Return by which share the force of a run changes beyond the model from start to end, and its error."""
+    terms = len(model.terms)
+    modelled = fit.jacobian[:, model.n_shape : model.n_shape + terms] @ fit.c[:terms]
+    grows = np.where(here, modelled, 0.0)
+    grows[here] *= np.linspace(-0.5, 0.5, int(here.sum()))
+    basis = np.linalg.qr(fit.jacobian)[0]
+    grows -= basis @ (basis.T @ grows)
+    power = float(grows @ grows)
+    rest = fit.residual[here]
+    return float(grows @ fit.residual) / power, math.sqrt(float(rest @ rest) / rest.size / power / fraction)
 
 
 def _series(model: TimeModel, fit: SeparableFit, run: str, run_of_row: np.ndarray) -> dict[str, np.ndarray]:

@@ -10,11 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.estimation.separable import Slopes
+from pipeline.estimation.separable import Slopes, linear_fit
+from pipeline.estimation.uncertainty import effective_size
 from pipeline.rigs.mre.dynamic_model import FIELD_TERMS, Shape, search_space
 from pipeline.rigs.mre.loop import group_levels
 from pipeline.rigs.mre.time_columns import Segment, largest_excursion, segment_columns
 from pipeline.signals.spectra import hum
+
+# Of the polynomial for a drifting mean of the force, and how many times chance its gain must be.
+_DRIFT_DEGREE, _DRIFT_SURE = 3, 12.0
 
 
 @dataclass(frozen=True)
@@ -22,16 +26,19 @@ class TimeOptions:
     """How to fit.
 
     `cutoff` (Hz) of the zero-phase low-pass on x, None = from its spectrum. `viscous` adds a column
-    x' shared by all records (at one current it is s_MR); `drift` a straight line per record. Lines of the
-    `mains` (Hz, 0 for none) that stand out of the residual are fitted along.
+    x' shared by all records (at one current it is s_MR). `fit_mass` adds the inertia of a moving mass,
+    `moving_mass` (kg) is one that is known and taken out. `drift` is the degree of a polynomial for the force's
+    mean in each segment; a cubic is taken where the residual asks for it. Lines of the `mains` (Hz, 0 for
+    none) that stand out of the residual are fitted along.
     """
 
     cutoff: float | None = None
-    drift: bool = False
+    drift: int = 0
     viscous: bool = False
     fit_lag: bool = True
     force_lag: float = 0.0
     fit_mass: bool = False
+    moving_mass: float = 0.0
     mains: float = 50.0
     current_tolerance: float = 0.25
     starts: int = 4
@@ -41,8 +48,9 @@ class TimeOptions:
 class TimeModel:
     """Columns of all segments, on all or some of their rows.
 
-    `terms` are (column, current level or None for all); `nuisance` holds the offset, with `drift` the
-    straight line, of every segment and the mains lines, shape (rows of all segments, columns).
+    `terms` are (column, current level or None for all); `nuisance` holds the offset and `drift` of every
+    segment and the mains lines, shape (rows of all segments, columns); the first `n_slow` of its columns
+    cannot be extrapolated, where there is a drift.
     """
 
     def __init__(self, segments: Sequence[Segment], options: TimeOptions, rows: np.ndarray | None = None) -> None:
@@ -54,28 +62,29 @@ class TimeModel:
         self.usable = np.concatenate([part.usable for part in segments])
         self.first_half = np.concatenate([part.first_half for part in segments])
         self.rows = np.ones(self.usable.size, dtype=bool) if rows is None else rows
-        self.force = np.concatenate([part.force for part in segments])
+        self.force = np.concatenate([part.force - options.moving_mass * part.acceleration for part in segments])
         self.n_shape = 5 if options.fit_lag else 4
         shared = [("u", None), ("x", None), ("w", None)]
         shared += [("v", None)] * options.viscous + [("m", None)] * options.fit_mass
         others = sorted(set(labels) - {self.reference})
         self.terms = [*shared, *((column, level) for level in others for column in FIELD_TERMS["ks"])]
-        self.nuisance = self._nuisance()
+        self.nuisance = self._slow(options.drift)
+        self.n_slow = self.nuisance.shape[1] if options.drift else 0
         lower, upper = search_space(largest_excursion(segments))
         self.lower, self.upper = lower[: self.n_shape], upper[: self.n_shape]
 
-    def _nuisance(self) -> np.ndarray:
-        """Return the offset, and with `drift` the straight line, of every segment, shape (rows, columns)."""
+    def _slow(self, degree: int) -> np.ndarray:
+        """Return a polynomial of that degree for every segment, shape (rows, columns)."""
         member = self.segment_of_row[:, None] == np.arange(len(self.segments))
-        if not self.options.drift:
-            return np.asarray(member, dtype=float)
         position = np.concatenate([np.linspace(-1, 1, part.time.size) for part in self.segments])
-        return np.hstack([member, member * position[:, None]])
+        powers = np.polynomial.legendre.legvander(position, degree)
+        return np.hstack([member * powers[:, [k]] for k in range(degree + 1)])
 
     def restricted(self, rows: np.ndarray) -> TimeModel:
         """Return the model on some rows only; offsets without any row are left out."""
         other = TimeModel(self.segments, self.options, rows)
-        other.nuisance = self.nuisance[:, np.abs(self.nuisance[rows]).max(axis=0) > 0]
+        seen = np.abs(self.nuisance[rows]).max(axis=0) > 0
+        other.nuisance, other.n_slow = self.nuisance[:, seen], int(seen[: self.n_slow].sum())
         return other
 
     def __call__(self, q: np.ndarray) -> tuple[np.ndarray, Slopes]:
@@ -112,6 +121,15 @@ class TimeModel:
     def data(self) -> np.ndarray:
         """Measured force at the rows."""
         return np.asarray(self.force[self.rows])
+
+    def add_drift(self, residual: np.ndarray) -> None:
+        """Let the mean force drift as a cubic if that takes far more out of the residual (usable rows) than chance."""
+        slow = self._slow(_DRIFT_DEGREE)
+        rest = linear_fit(slow[self.usable], residual).residual
+        gained = 1 - float(rest @ rest) / float(residual @ residual)
+        terms = slow.shape[1] - len(self.segments)
+        if gained * effective_size(rest, slow.shape[1]) > _DRIFT_SURE * terms * (1 - gained):
+            self.nuisance, self.n_slow = slow, slow.shape[1]
 
     def add_hum(self, residual: np.ndarray) -> None:
         """Add a sine for every mains line that stands out of the residual (of the usable rows) of a segment."""
