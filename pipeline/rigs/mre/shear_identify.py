@@ -32,8 +32,8 @@ from pipeline.rigs.mre.shear_published import published
 from pipeline.rigs.mre.shear_records import RecordFits, fit_all_records
 from pipeline.rigs.mre.shear_runs import sort_runs
 from pipeline.rigs.mre.shear_sorted import SortedRuns
-from pipeline.rigs.mre.shear_unusable import nothing_usable
 from pipeline.rigs.mre.shear_unsteady import say_faults_of_records
+from pipeline.rigs.mre.shear_unusable import nothing_usable
 from pipeline.rigs.mre.shear_verdict import judge
 from pipeline.rigs.mre.untared_mass import weigh_mass
 from pipeline.rigs.mre.variants import DECISIVE, undecided
