@@ -101,7 +101,7 @@ def probes_of(
         seen = listing(f"{axis} in plane {plane}" for axis, plane in found)
         text = f"probes measure {seen} only: motion of the middle plane is taken as theirs and the tilt is unknown."
         findings.append(QualityFinding("note" if len(planes) == 1 == len(found) - 1 else "warning", text, run))
-    unpaired = tuple(name for name in names if _opposite(name) not in names)
+    unpaired = tuple(name for name in names if opposite(name) not in names)
     if unpaired:
         have = "stands" if len(unpaired) == 1 else "stand"
         text = f"{listing(unpaired)} {have} without the opposite probe: zero and drift of the probe are not cancelled."
@@ -145,7 +145,14 @@ def _from_uv(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.asarray(FROM_UV @ np.vstack((u, v)))
 
 
-def _opposite(name: str) -> str:
+def opposite(name: str) -> str:
+    """Return the other probe of a pair.
+
+    Examples
+    --------
+    >>> opposite("gap_up1")
+    'gap_um1'
+    """
     return name[:5] + ("m" if name[5] == "p" else "p") + name[6:]
 
 

@@ -8,8 +8,8 @@ together. Blocks during which a pad is met or left do not obey one linear law an
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,8 @@ _ROUNDS = 4
 _MARGIN = 3.0
 # Whitened residual of a block beyond which it is an outlier, per root of its number of axes.
 _OUTLIER = 4.0
+# Where a side is put that is never touched, m.
+_FAR = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ class ContactFit:
         return self.fit.chi2 / self.fit.dof if self.fit.dof > 0 else math.nan
 
 
-def fit_contact(blocks: Blocks, start: Mapping[int, Bearing]) -> ContactFit:
+def fit_contact(blocks: Blocks, start: Mapping[int, Bearing], absent: Collection[int] = ()) -> ContactFit:
     """Fit the contact law to all blocks.
 
     Parameters
@@ -75,8 +77,10 @@ def fit_contact(blocks: Blocks, start: Mapping[int, Bearing]) -> ContactFit:
         Those at a force level.
     start
         A first guess for each plane (`first_guess`).
+    absent
+        Sides, counted from 0, that were never touched: held far away.
     """
-    bearings = dict(start)
+    bearings = {p: _without(bearing, absent) for p, bearing in start.items()}
     motion_noise, force_noise = max(blocks.motion_noise, 1e-12), max(blocks.force_noise, 1e-9)
     outliers = np.zeros(blocks.time.size, dtype=bool)
     for number in range(_ROUNDS):
@@ -84,7 +88,7 @@ def fit_contact(blocks: Blocks, start: Mapping[int, Bearing]) -> ContactFit:
         kept = _steady(blocks, bearings, _MARGIN * force_noise) & ~outliers
         whiten = _whitening({p: r.compliance[kept] for p, r in rests.items()}, motion_noise, force_noise)
         pressed = {p: r.number[kept] for p, r in rests.items()}
-        fitted = _fit(blocks.at(kept), bearings, pressed, whiten)
+        fitted = _fit(blocks.at(kept), bearings, pressed, whiten, absent)
         bearings = {p: _bearing(fitted.values, p, bearing) for p, bearing in bearings.items()}
         rests = {p: rest(blocks.force, bearing) for p, bearing in bearings.items()}
         steady = _steady(blocks, bearings, _MARGIN * force_noise)
@@ -106,7 +110,9 @@ def fit_contact(blocks: Blocks, start: Mapping[int, Bearing]) -> ContactFit:
     )
 
 
-def first_guess(blocks: Blocks, polygons: Mapping[int, Mapping[int, Polygon]]) -> dict[int, Bearing]:
+def first_guess(
+    blocks: Blocks, polygons: Mapping[int, Mapping[int, Polygon]], absent: Collection[int] = ()
+) -> dict[int, Bearing]:
     """Return a start from the polygons of each plane at each level: ``polygons[plane][level]``.
 
     Sides move outwards with the force over k_p; along a side the force is held by the support.
@@ -114,39 +120,46 @@ def first_guess(blocks: Blocks, polygons: Mapping[int, Mapping[int, Polygon]]) -
     levels = blocks.levels
     guesses = {}
     for plane, by_level in polygons.items():
-        low, high = min(by_level), max(by_level)
+        high = max(by_level)
         top = by_level[high]
-        growth = float(np.mean(top.sides - by_level[low].sides)) if low != high else 0.0
+        there = [i for i in range(top.n_pads) if i not in absent]
+        # Levels too weak to reach every side say nothing of the growth.
+        size = float(np.mean(top.clearances[there]))
+        low = min(k for k, polygon in by_level.items() if polygon.clearances[there].min() > 0.7 * size or k == high)
+        growth = float(np.mean((top.sides - by_level[low].sides)[there]))
         rise = levels[high] - levels[low]
         k_p = rise / growth if growth > 1e-9 and rise > 0 else 1e9
-        k_s = _support_stiffness(blocks, plane, top) or 1e-3 * k_p
-        sides = top.sides - levels[high] / k_p
-        guesses[plane] = Bearing(top.pad_angles, top.rotation, sides, top.centre, k_p, min(k_s, 0.3 * k_p))
+        k_s, neutral = _support(blocks, plane, top, there) or (1e-3 * k_p, top.centre)
+        guesses[plane] = Bearing(
+            top.pad_angles, top.rotation, top.sides - levels[high] / k_p, neutral, k_p, min(k_s, 0.3 * k_p)
+        )
     k_p, k_s = (float(np.median([getattr(g, name) for g in guesses.values()])) for name in ("k_p", "k_s"))
-    return {
-        p: Bearing(g.pad_angles, g.rotation, g.sides, g.neutral, k_p, k_s) for p, g in guesses.items()
-    }
+    return {p: replace(g, k_p=k_p, k_s=k_s) for p, g in guesses.items()}
 
 
-def _support_stiffness(blocks: Blocks, plane: int, polygon: Polygon) -> float | None:
-    """Return the slope of the force along a side over the way along it, where one side alone is near."""
-    d, normals = blocks.planes[plane] - polygon.centre, polygon.normals
-    clearances = polygon.clearances
-    gap = clearances - d @ normals.T
+def _support(blocks: Blocks, plane: int, polygon: Polygon, there: list[int]) -> tuple[float, np.ndarray] | None:
+    """Return k_s and its neutral point, from blocks that lie along one side alone: t.F = k_s t.(d - s)."""
+    d, normals = blocks.planes[plane], polygon.normals[there]
+    gap = polygon.sides[there] - d @ normals.T
     order = np.sort(gap, axis=1)
-    alone = order[:, 1] > 0.1 * float(clearances.mean())
-    if alone.sum() < 6:
+    alone = order[:, 1] > 0.1 * float(polygon.clearances[there].mean())
+    if alone.sum() < 8:
         return None
-    i = gap[alone].argmin(axis=1)
-    tangents = (normals @ np.array([[0.0, 1.0], [-1.0, 0.0]]))[i]
-    way, pull = (d[alone] * tangents).sum(axis=1), (blocks.force[alone] * tangents).sum(axis=1)
-    way = way - way.mean()
-    slope = float(way @ pull / (way @ way)) if (way @ way) > 0 else 0.0
-    return slope if slope > 0 else None
+    tangents = (normals @ np.array([[0.0, 1.0], [-1.0, 0.0]]))[gap[alone].argmin(axis=1)]
+    rows = np.column_stack([(d[alone] * tangents).sum(axis=1), -tangents])
+    scale = np.linalg.norm(rows, axis=0)
+    (k_s, x, y), *_ = np.linalg.lstsq(rows / scale, (blocks.force[alone] * tangents).sum(axis=1), rcond=None)
+    k_s, x, y = k_s / scale[0], x / scale[1], y / scale[2]
+    return (float(k_s), np.array([x, y]) / k_s) if k_s > 0 else None
 
 
 def _names(plane: int, n: int) -> list[str]:
-    return [f"rotation_{plane}", *(f"side_{plane}_{i + 1}" for i in range(n)), f"neutral_x_{plane}", f"neutral_y_{plane}"]
+    return [
+        f"rotation_{plane}",
+        *(f"side_{plane}_{i + 1}" for i in range(n)),
+        f"neutral_x_{plane}",
+        f"neutral_y_{plane}",
+    ]
 
 
 def _bearing(values: Values, plane: int, like: Bearing) -> Bearing:
@@ -161,17 +174,30 @@ def _bearing(values: Values, plane: int, like: Bearing) -> Bearing:
     )
 
 
+def _without(bearing: Bearing, absent: Collection[int]) -> Bearing:
+    sides = bearing.sides.copy()
+    sides[list(absent)] = _FAR
+    return replace(bearing, sides=sides)
+
+
 def _fit(
-    blocks: Blocks, bearings: Mapping[int, Bearing], pressed: Mapping[int, np.ndarray], whiten: np.ndarray
+    blocks: Blocks,
+    bearings: Mapping[int, Bearing],
+    pressed: Mapping[int, np.ndarray],
+    whiten: np.ndarray,
+    absent: Collection[int],
 ) -> Fit:
     """Fit with the sets of pressed sides held: the law is smooth then."""
+    held = {f"side_{plane}_{i + 1}" for plane in bearings for i in absent}
     unknowns = []
     for plane, bearing in bearings.items():
         start = [bearing.rotation, *bearing.sides, *bearing.neutral]
-        unknowns += [Unknown(name, float(value)) for name, value in zip(_names(plane, bearing.sides.size), start, strict=True)]
+        names = _names(plane, bearing.sides.size)
+        unknowns += [Unknown(n, float(v), fixed=n in held) for n, v in zip(names, start, strict=True)]
     first = next(iter(bearings.values()))
     unknowns += [Unknown("k_p", first.k_p, logarithmic=True), Unknown("k_s", first.k_s, logarithmic=True)]
     columns = len(unknowns)
+    free = [i for i, unknown in enumerate(unknowns) if not unknown.fixed]
 
     def residual(values: Values) -> np.ndarray:
         off = [
@@ -192,7 +218,7 @@ def _fit(
             J[:, rows, at + 1 + n : at + 3 + n] = slopes["neutral"]
             J[:, rows, -2], J[:, rows, -1] = slopes["k_p"], slopes["k_s"]
             at += n + 3
-        return np.asarray(np.einsum("nij,njk->nik", whiten, J).reshape(-1, columns))
+        return np.asarray(np.einsum("nij,njk->nik", whiten, J[:, :, free]).reshape(-1, len(free)))
 
     return fit(residual, unknowns, jacobian=jacobian, noise="larger")
 

@@ -6,11 +6,12 @@ Nothing of forces here: the sides found are those at the force of the orbit, com
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.rigs.tpjb.axes import pad_directions
 from pipeline.rigs.tpjb.bump.contact import centred, corners, side_normals
 
 _QUANTILE = 0.999
@@ -113,7 +114,7 @@ def _support(d: np.ndarray, pad_angles: np.ndarray, rotation: float) -> np.ndarr
     return np.asarray(np.quantile(d @ side_normals(pad_angles, rotation).T, _QUANTILE, axis=0))
 
 
-def _least(function, low: float, high: float) -> float:  # type: ignore[no-untyped-def]
+def _least(function: Callable[[float], float], low: float, high: float) -> float:
     from scipy.optimize import minimize_scalar
 
     return float(minimize_scalar(function, bounds=(low, high), method="bounded", options={"xatol": 1e-7}).x)
@@ -133,8 +134,6 @@ def count_pads(displacement: np.ndarray, candidates: Sequence[int], near: float 
     More sides than there are can always be laid through the corners, so that a smaller misfit alone
     says nothing; None where even the best polygon misses the orbit by more than a fiftieth of its size.
     """
-    from pipeline.rigs.tpjb.axes import pad_directions
-
     size = float(np.ptp(displacement, axis=0).max())
     misfits = {n: fit_polygon(displacement, pad_directions(n), near).misfit for n in candidates}
     best = min(misfits.values())

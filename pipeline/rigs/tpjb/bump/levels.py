@@ -64,7 +64,7 @@ class Blocks:
     @property
     def size(self) -> np.ndarray:
         """Size of the force, shape (n,), N."""
-        return np.hypot(*self.force.T)
+        return np.asarray(np.hypot(*self.force.T))
 
     @property
     def levels(self) -> list[float]:

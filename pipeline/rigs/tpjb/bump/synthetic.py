@@ -107,9 +107,7 @@ def planes_of(truth: BumpTruth) -> dict[int, Bearing]:
         if str(plane) in truth.planes:
             d0 = np.asarray(centre, dtype=float)
             sides = np.asarray(truth.clearances) + normals @ d0
-            found[plane] = Bearing(
-                angles, truth.rotation, sides, d0, truth.contact_stiffness, truth.support_stiffness
-            )
+            found[plane] = Bearing(angles, truth.rotation, sides, d0, truth.contact_stiffness, truth.support_stiffness)
     return found
 
 
@@ -130,7 +128,12 @@ def synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:
     for plane, bearing in bearings.items():
         d = _sliding(acting.T, bearing, known.friction) if known.friction else rest(acting.T, bearing).displacement
         u, v = uv(d.T + known.drift * t / t[-1])
-        for name, values in ((f"gap_up{plane}", u), (f"gap_um{plane}", -u), (f"gap_vp{plane}", v), (f"gap_vm{plane}", -v)):
+        for name, values in (
+            (f"gap_up{plane}", u),
+            (f"gap_um{plane}", -u),
+            (f"gap_vp{plane}", v),
+            (f"gap_vm{plane}", -v),
+        ):
             noise = _noise(rng, n, known.probe_noise, known.noise_memory * known.rate)
             channels.append(Channel(name, 1e-3 + values + noise, "m"))
     fu, fv = uv(commanded) + known.force_noise * rng.standard_normal((2, n))

@@ -1,0 +1,198 @@
+"""One bump log -> samples of force and displacement in x and y, faulty probes and spans left out.
+
+What makes a whole log unusable raises `UnusableError` with the reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import InputError, listing
+from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.tpjb.axes import xy
+from pipeline.rigs.tpjb.bump.levels import Rotation, Samples, rotation_of
+from pipeline.rigs.tpjb.bump.spans import held_still, spans_of, sum_departs
+from pipeline.rigs.tpjb.probe_faults import ProbeFaults, covariance_of, probe_faults
+from pipeline.rigs.tpjb.probes import GAPS, Probes, opposite, probes_of
+
+_FEWEST = 60
+# Share of the directions that the force must have gone through to have turned at all.
+_LEAST_COVERAGE = 0.3
+_MOST_LOST = 0.5
+# Share of the whole that a covariance of displacement and force must have, or not have, to mean something.
+_CLEAR = 0.3
+
+
+class UnusableError(Exception):
+    """A log from which nothing can be identified; the text is the reason."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A usable log: samples in x and y, how they came from the probes, how the force turns, what was odd."""
+
+    recording: Recording
+    samples: Samples
+    probes: Probes
+    rotation: Rotation
+    findings: tuple[QualityFinding, ...]
+
+
+def record_of(recording: Recording) -> Record:
+    """Return the samples of a bump log.
+
+    Raises
+    ------
+    UnusableError
+        If the force does not turn, the axes contradict it, or too little is left.
+    InputError
+        If u or v has no probe, or z1 and z2 cannot be.
+    """
+    run = recording.run
+    time, gaps, force, names = _signals(recording)
+    findings: list[QualityFinding] = []
+    lost = np.zeros(time.size, dtype=bool)
+    rotation = rotation_of(Samples(run, time, np.nan_to_num(xy(*force).T), {}))
+    _refuse_static(rotation)
+    least = max(20, round(0.03 / abs(rotation.frequency) / float(np.median(np.diff(time)))))
+    for name, values in zip(("force_u", "force_v"), force, strict=True):
+        still = held_still(values, least)
+        _say_span(still, time, values, name, run, findings)
+        lost |= still
+    faults = _faults(names, gaps[:, ~lost], force[:, ~lost], run)
+    findings += faults.findings
+    for first, second in _pairs(names, faults.excluded):
+        departs = sum_departs(gaps[first], gaps[second])
+        share = float(departs.mean())
+        if share > 0:
+            worse = _stiller(gaps, first, second, departs)
+            _say_span(departs, time, gaps[worse], names[worse], run, findings, f"{names[first]} + {names[second]}")
+            lost |= departs
+    if lost.mean() > _MOST_LOST:
+        raise UnusableError(
+            f"{100 * lost.mean():.0f} % of the log are clipped, stuck or contradictory: {findings[-1].message}"
+        )
+    probes = probes_of(names, recording.conditions, faults.excluded, run)
+    rows = [names.index(name) for name in probes.names]
+    if not probes.planes:
+        raise UnusableError(f"no probe plane measures both u and v; there are {listing(probes.names)}")
+    planes = {p: (m @ gaps[rows]).T for p, m in probes.planes.items()}
+    kept = ~lost & np.isfinite(force).all(axis=0)
+    _refuse_wrong_axes(planes, xy(*force).T, kept)
+    samples = Samples(run, time, np.where(kept[:, None], xy(*force).T, np.nan), planes)
+    return Record(recording, samples, probes, rotation, (*findings, *probes.findings))
+
+
+def check(recording: Recording) -> Sequence[QualityFinding]:
+    """Look for probes that lie, axes that contradict the force and a force that does not turn."""
+    try:
+        record = record_of(recording)
+    except (UnusableError, InputError) as error:
+        return (QualityFinding("error", f"no bump test can be identified from this log: {error}"),)
+    return tuple(f for f in record.findings if f.level != "note")
+
+
+def _signals(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Return time (n,), gaps (k, n), forces along u and v (2, n) on the time of the forces, and the gaps' names."""
+    stream = recording.stream_of("force_u")
+    time = stream.time
+    names = tuple(name for name in GAPS if name in recording)
+    if not names:
+        raise InputError(
+            f"run '{recording.run}' has no gap channel; expected some of {listing(GAPS)}. Map them in the recipe."
+        )
+    if time.size < _FEWEST:
+        raise UnusableError(f"{time.size} samples, at least {_FEWEST} are needed")
+
+    def on_time(name: str) -> np.ndarray:
+        own = recording.stream_of(name)
+        values = np.asarray(own.channels[name].values, dtype=float)
+        return values if own is stream else np.asarray(np.interp(time, own.time, values, np.nan, np.nan))
+
+    return time, np.stack([on_time(n) for n in names]), np.stack([on_time("force_u"), on_time("force_v")]), names
+
+
+def _refuse_static(rotation: Rotation) -> None:
+    if not rotation.largest > 0:
+        raise UnusableError("there is no force: force_u and force_v are zero all along")
+    if rotation.coverage < _LEAST_COVERAGE or rotation.frequency == 0:
+        raise UnusableError(
+            f"the force vector does not turn: it goes through {100 * rotation.coverage:.0f} % of the directions only. A "
+            "bump test needs force_u and force_v 90 deg apart, a full turn at least; clearance and centre cannot be told"
+        )
+
+
+def _faults(names: tuple[str, ...], gaps: np.ndarray, force: np.ndarray, run: str) -> ProbeFaults:
+    sound = np.isfinite(gaps).all(axis=0) & np.isfinite(force).all(axis=0)
+    sound = sound if sound.mean() > 0.2 else np.isfinite(force).all(axis=0)
+    along = np.zeros(len(names))
+    for i, name in enumerate(names):
+        both = np.isfinite(gaps[i]) & sound
+        if both.sum() > 2:
+            along[i] = np.cov(gaps[i, both], force["uv".index(name[4]), both])[0, 1]
+    return probe_faults(names, covariance_of(gaps[:, sound]), with_force=along, run=run)
+
+
+def _pairs(names: tuple[str, ...], excluded: Sequence[str]) -> list[tuple[int, int]]:
+    sound = [name for name in names if name not in excluded]
+    return [(names.index(n), names.index(opposite(n))) for n in sound if n[5] == "p" and opposite(n) in sound]
+
+
+def _stiller(gaps: np.ndarray, first: int, second: int, span: np.ndarray) -> int:
+    """Return which of two probes moves less within a span."""
+    return first if np.nanstd(gaps[first, span]) <= np.nanstd(gaps[second, span]) else second
+
+
+def _say_span(
+    where: np.ndarray,
+    time: np.ndarray,
+    values: np.ndarray,
+    name: str,
+    run: str,
+    findings: list[QualityFinding],
+    summed: str = "",
+) -> None:
+    for start, stop in spans_of(where)[:5]:
+        inside = values[start:stop]
+        held = np.ptp(inside) <= 1e-3 * np.nanstd(values)
+        what = (
+            f"{name} stands still at {inside[0]:.6g} m"
+            if name.startswith("gap")
+            else f"{name} stands still at {inside[0]:.6g} N"
+        )
+        if held:
+            text = f"{what} for {time[stop - 1] - time[start]:.3g} s: clipped or stuck"
+        else:
+            text = f"{summed} is no constant for {time[stop - 1] - time[start]:.3g} s: one of them is disturbed"
+        span = (float(time[start]), float(time[stop - 1]))
+        findings.append(QualityFinding("warning", f"{text}; the span is left out.", run, name, span))
+    more = len(spans_of(where)) - 5
+    if more > 0:
+        findings.append(QualityFinding("warning", f"{name}: {more} more such spans are left out.", run, name))
+
+
+def _refuse_wrong_axes(planes: dict[int, np.ndarray], force: np.ndarray, kept: np.ndarray) -> None:
+    """Compare directions of displacement and force: a stator on springs moves with the force."""
+    turn = np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
+    for plane, displacement in planes.items():
+        d, F = displacement[kept] @ turn, force[kept] @ turn
+        finite = np.isfinite(d).all(axis=1)
+        if finite.sum() < _FEWEST:
+            raise UnusableError(f"plane {plane} has only {finite.sum()} usable samples")
+        cross = np.cov(d[finite].T, F[finite].T)[:2, 2:]
+        cross = cross / np.linalg.norm(cross)
+        uu, vv, uv, vu = cross[0, 0], cross[1, 1], cross[0, 1], cross[1, 0]
+        if min(uv, vu) > _CLEAR and max(abs(uu), abs(vv)) < _CLEAR:
+            raise UnusableError(
+                f"plane {plane}: the probes along u follow the force along v and the other way round: x axis mirrored, "
+                "u and v of the probes (or of the forces) are swapped. Exchange them in the recipe's channels"
+            )
+        wrong = [axis for axis, value in (("u", uu), ("v", vv)) if value < -_CLEAR]
+        if wrong:
+            raise UnusableError(
+                f"plane {plane}: the displacement along {listing(wrong)} goes against the force: the sign of the probes "
+                "or of the force is wrong there. Mend it in the recipe with 'sign: -1'"
+            )
