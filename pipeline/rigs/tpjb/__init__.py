@@ -1,5 +1,6 @@
 """Large tilting pad journal bearings on a floating-stator rig: clearance, dynamic coefficients, nonlinear orbits."""
 
 from pipeline.rigs.experiment import Experiment
+from pipeline.rigs.tpjb.bump.declaration import BUMP
 
-EXPERIMENTS: tuple[Experiment, ...] = ()
+EXPERIMENTS: tuple[Experiment, ...] = (BUMP,)

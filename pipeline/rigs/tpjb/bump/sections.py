@@ -1,0 +1,287 @@
+"""What the report of a bump test shows: orbits in their polygons, growth with the force, sides, alignment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import (
+    Axis,
+    Cell,
+    Column,
+    Figure,
+    Line,
+    Mark,
+    Outline,
+    Panel,
+    Points,
+    Rule,
+    Section,
+    Status,
+    Table,
+    Text,
+    Value,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+X, Y = Axis("x, horizontal", "m"), Axis("y, vertical", "m")
+_FORCE = Axis("size of the turning force", "N")
+# A pad is drawn as a bar that long, over the distance of its side.
+_PAD_LENGTH = 0.45
+
+
+def sections(findings: Findings) -> Sequence[Section]:
+    """Return the chapters of the report."""
+    bearings = list(findings.arrays["orbits"]["bearing"].unique())
+    chapters = [
+        Section("clearance", "Clearance polygon", [b for name in bearings for b in _clearance(findings, name)]),
+        Section("growth", "Growth with the force", [b for name in bearings for b in _growth(findings, name)]),
+        Section("alignment", "Alignment", [_alignment(findings)]),
+        Section(
+            "contact", "How well the contact law holds", [b for name in bearings for b in _residuals(findings, name)]
+        ),
+    ]
+    return [chapter for chapter in chapters if chapter.blocks]
+
+
+def _of(findings: Findings, table: str, bearing: str) -> pd.DataFrame:
+    whole: pd.DataFrame = findings.arrays[table]
+    return whole.loc[whole["bearing"] == bearing]
+
+
+def _title(text: str, bearing: str) -> str:
+    return f"{text}, bearing {bearing}" if bearing else text
+
+
+def _clearance(findings: Findings, bearing: str) -> list[Figure | Table | Text]:
+    orbits, sides = _of(findings, "orbits", bearing), _of(findings, "sides", bearing)
+    polygons = _of(findings, "polygons", bearing)
+    panels = []
+    for plane in sorted(orbits["plane"].unique()):
+        orbit, side = orbits[orbits["plane"] == plane], sides[sides["plane"] == plane]
+        corner = polygons[polygons["plane"] == plane]
+        marks: list[Mark] = []
+        if len(corner):
+            marks.append(Outline(corner["x"].to_numpy(), corner["y"].to_numpy(), "model", "clearance at no force"))
+        marks += _pads(side)
+        for k, level in enumerate(sorted(orbit["level"].unique())):
+            part = orbit[orbit["level"] == level]
+            marks.append(Line(*_broken(part), k, f"{part['force'].iloc[0]:.4g} N"))
+        if side["center_x"].notna().all():
+            marks.append(
+                Points(side["center_x"].to_numpy()[:1], side["center_y"].to_numpy()[:1], "reference", "centre")
+            )
+        panels.append(Panel(marks, X, Y, f"plane {plane}", equal=True))
+    figure = Figure(
+        f"orbits_{bearing}" if bearing else "orbits",
+        _title("Orbits in the clearance", bearing),
+        "Does the stator go all round the clearance? Displacement of the stator against the shaft, absolute, from the zero "
+        "of the probes; one colour a force. The tinted polygon is the clearance at no force, the bars are the pads, drawn at "
+        "the side where the stator meets them (opposite to where they stand on the stator).",
+        "orbits at each force inside the clearance polygon with the pads, one panel a probe plane, equal axes",
+        panels,
+        columns=2,
+    )
+    told = (
+        "What is observable: the centre, the rotation, the mean clearance and N - 3 differences between pads. A shift of the "
+        "centre and the first harmonic of the side distances look alike, so the distances are normalised to sum c_i n_i = 0; "
+        "with four pads the two of an opposed pair are then equal by definition, and only their common width is measured."
+    )
+    return [figure, _sides_table(findings, bearing, sides), Text([told])]
+
+
+def _broken(part: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+    """Return the orbit with a break where blocks are missing."""
+    x, y, time = part["x"].to_numpy(), part["y"].to_numpy(), part["time"].to_numpy()
+    if time.size < 3:
+        return x, y
+    far = np.flatnonzero(np.abs(np.diff(time)) > 5 * np.median(np.abs(np.diff(time)))) + 1
+    return np.insert(x, far, np.nan), np.insert(y, far, np.nan)
+
+
+def _pads(side: pd.DataFrame) -> list[Mark]:
+    x, y, at_x, at_y, texts = [], [], [], [], []
+    for row in side[side["touched"]].to_dict("records"):
+        n = np.array([row["normal_x"], row["normal_y"]])
+        t = np.array([-n[1], n[0]])
+        centre = np.array([row["center_x"], row["center_y"]])
+        along = float(t @ centre) if np.isfinite(centre).all() else 0.0
+        foot = n * row["place"] + t * along
+        half = _PAD_LENGTH * (row["clearance"] if math.isfinite(row["clearance"]) else abs(row["place"]))
+        ends = foot + np.outer([-half, half], t)
+        x += [*ends[:, 0], np.nan]
+        y += [*ends[:, 1], np.nan]
+        label = foot + 0.1 * half / _PAD_LENGTH * n
+        at_x.append(label[0])
+        at_y.append(label[1])
+        texts.append(f"pad {row['side']}")
+    if not texts:
+        return []
+    return [
+        Line(np.array(x), np.array(y), "reference", "pads"),
+        Points(np.array(at_x), np.array(at_y), "reference", texts=texts),
+    ]
+
+
+def _sides_table(findings: Findings, bearing: str, sides: pd.DataFrame) -> Table:
+    rows: list[list[Cell]] = []
+    for row in sides.to_dict("records"):
+        found = _value(findings, "clearance", bearing, plane=float(row["plane"]), side=float(row["side"]))
+        touched: Cell = Status("touched", "ok") if row["touched"] else Status("never touched", "warning")
+        rows.append([f"{row['plane']}", f"{row['side']}", row["pad_angle"], found, row["near"], touched])
+    for plane in sorted(sides["plane"].unique()):
+        mean = _value(findings, "clearance", bearing, plane=float(plane))
+        rows.append([f"{plane}", "mean", None, mean, None, ""])
+    return Table(
+        f"sides_{bearing}" if bearing else "sides",
+        _title("Cold assembled clearance, side by side", bearing),
+        "Distance of each side from the centre at no force, normalised. Side i is where the stator meets pad i; the share is "
+        "that of the samples close to the side at the largest force.",
+        [
+            Column("plane"),
+            Column("side"),
+            Column("pad direction", "rad"),
+            Column("clearance", "m"),
+            Column("samples at the side", "%"),
+            Column("seen"),
+        ],
+        rows,
+    )
+
+
+def _value(findings: Findings, name: str, bearing: str, **at: float) -> Value | None:
+    full = {**at, **({"bearing": bearing} if any("bearing" in p.at for p in findings.parameters) else {})}
+    found = [p for p in findings.parameters if p.name == name and p.at == full]
+    return Value(found[0].value, found[0].std_error, found[0].ci95) if found else None
+
+
+def _growth(findings: Findings, bearing: str) -> list[Figure | Table]:
+    levels = _of(findings, "levels", bearing)
+    blocks: list[Figure | Table] = []
+    k_p = _value(findings, "contact_stiffness", bearing)
+    if levels["force"].nunique() > 1:
+        marks: list[Mark] = []
+        for plane in sorted(levels["plane"].unique()):
+            part = levels[levels["plane"] == plane]
+            marks.append(
+                Points(
+                    part["force"].to_numpy(), part["clearance"].to_numpy(), int(plane) - 1, f"polygon, plane {plane}"
+                )
+            )
+            zero = _value(findings, "clearance", bearing, plane=float(plane))
+            if zero is not None and zero.value is not None:
+                marks.append(Rule(y=zero.value, role=int(plane) - 1, label=f"at no force, plane {plane}"))
+                if k_p is not None and k_p.value:
+                    force = np.array([0.0, levels["force"].max()])
+                    marks.append(Line(force, zero.value + force / k_p.value, int(plane) - 1, dashed=True))
+        blocks.append(
+            Figure(
+                f"growth_{bearing}" if bearing else "growth",
+                _title("Mean clearance against the force", bearing),
+                "Has the polygon converged? Points: polygon laid round the orbit at each force. Dashed: compliance 1/k_p of "
+                "one pad pressed by the whole force; the points lie a little below it, since the support carries a part. A "
+                "straight line through the points is no way to the clearance at no force: it comes out too small.",
+                "mean clearance over the force, one colour a plane, with the contact's compliance",
+                [Panel(marks, _FORCE, Axis("mean clearance", "m"))],
+            )
+        )
+    rows: list[list[Cell]] = [
+        [
+            str(row["plane"]),
+            row["force"],
+            row["clearance"],
+            row["center_x"],
+            row["center_y"],
+            row["rotation"],
+            row["misfit"],
+            row["least_near"],
+        ]
+        for row in levels.to_dict("records")
+    ]
+    blocks.append(
+        Table(
+            f"levels_{bearing}" if bearing else "levels",
+            _title("Polygon at each force", bearing),
+            "As the polygon stands in the orbit, compliance included. The last column is the share of the samples at the side "
+            "that has fewest.",
+            [
+                Column("plane"),
+                Column("force", "N"),
+                Column("mean clearance", "m"),
+                Column("centre x", "m"),
+                Column("centre y", "m"),
+                Column("rotation", "rad"),
+                Column("rms distance", "m"),
+                Column("fewest at a side", "%"),
+            ],
+            rows,
+        )
+    )
+    return blocks
+
+
+def _alignment(findings: Findings) -> Table:
+    limit = float(findings.settings.get("alignment_limit", 100e-6))
+    rows: list[list[Cell]] = []
+    for p in (q for q in findings.parameters if q.name == "tilt_x"):
+        other = findings.one("tilt_y", **p.at)
+        name = f" {p.at['bearing']}" if "bearing" in p.at else ""
+        for q, axis in ((p, "x"), (other, "y")):
+            rows.append([f"tilt along {axis}{name}", Value(q.value, q.std_error, q.ci95), limit, _held(q.value, limit)])
+        if p.value is None or other.value is None:
+            continue
+        size = math.hypot(p.value, other.value)
+        sd = (
+            math.hypot(p.value * (p.std_error or 0.0), other.value * (other.std_error or 0.0)) / size
+            if size > 0
+            else 0.0
+        )
+        rows.append([f"size{name}", Value(size, sd), limit, _held(size, limit)])
+    return Table(
+        "alignment",
+        "Tilt of the bearing against the shaft",
+        "Difference of the centres in the two probe planes over their distance, against the limit set in the recipe.",
+        [Column("tilt"), Column("found", "rad"), Column("limit", "rad"), Column("verdict")],
+        rows,
+    )
+
+
+def _held(value: float | None, limit: float) -> Status:
+    if value is None:
+        return Status("not determined", "warning")
+    return Status("within", "ok") if abs(value) <= limit else Status("beyond", "warning")
+
+
+def _residuals(findings: Findings, bearing: str) -> list[Figure]:
+    orbits = _of(findings, "orbits", bearing)
+    shown = orbits[orbits["fitted"].astype(bool)]
+    if shown.empty:
+        return []
+    panels = []
+    for plane in sorted(shown["plane"].unique()):
+        part = shown[(shown["plane"] == plane) & shown["corner"].astype(bool)]
+        marks: list[Mark] = [
+            Points(part["time"].to_numpy(), (part[axis] - part[f"{axis}_model"]).to_numpy(), k, axis)
+            for k, axis in enumerate("xy")
+        ]
+        panels.append(
+            Panel([*marks, Rule(y=0.0)], Axis("time", "s"), Axis("measured less model", "m"), f"plane {plane}")
+        )
+    return [
+        Figure(
+            f"residuals_{bearing}" if bearing else "residuals",
+            _title("What the contact law leaves", bearing),
+            "Is only noise left? Block means while two pads hold the stator, where noise of the force hardly moves it. Steps "
+            "with the force would be a contact that is not linear, a slope would be drift.",
+            "residual displacement over time, one panel a plane",
+            panels,
+            columns=1,
+            share_x=True,
+        )
+    ]
