@@ -84,6 +84,7 @@ def ingest(
     *,
     base: Path,
     table: RunsTable | None = None,
+    uses: Mapping[str, str] | None = None,
     force: bool = False,
     progress: Progress = lambda _run: None,
 ) -> Ingested:
@@ -93,6 +94,9 @@ def ingest(
     ----------
     base
         Paths of logs are kept and shown relative to it.
+    uses
+        Campaign -> hash of its findings that these runs will be identified with; it is noted in the manifest, so
+        that DVC identifies again where it changes.
     force
         Read every log again.
     progress
@@ -134,7 +138,7 @@ def ingest(
         raise InputError(_nothing(wanted, failed, recipe))
     quality += [QualityFinding("error", f"left out: {message}", run) for run, message in failed.items()]
     order = {entry.run: kept[entry.run] for entry in wanted if entry.run in kept}
-    content = {"runs": order, "quality": [asdict(finding) for finding in quality]}
+    content = {"runs": order, "quality": [asdict(finding) for finding in quality], "uses": dict(uses or {})}
     with whole_or_not(folder / MANIFEST) as path:
         path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     _sweep(folder, {name for entry in order.values() for name in entry["files"]})

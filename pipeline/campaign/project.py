@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,6 +43,12 @@ class Project:
         if not isinstance(listed, list):
             raise InputError(f"{self.root / 'params.yaml'}: 'campaigns' must be a list of names.")
         return [str(name) for name in listed]
+
+    def not_handed_over(self, name: str, uses: Sequence[str]) -> list[str]:
+        """Return which of the campaigns that `name` uses `params.yaml` does not list, so that DVC cannot know."""
+        listed = yaml_text.load(self.root / "params.yaml").get("uses") or []
+        pairs = [(str(e.get("campaign")), str(e.get("of"))) for e in listed if isinstance(e, dict)]
+        return [other for other in uses if (name, other) not in pairs]
 
     def campaign(self, name: str) -> Campaign:
         """Return the paths of one campaign.

@@ -17,6 +17,7 @@ from pipeline.errors import InputError
 from pipeline.findings import Findings
 from pipeline.findings import storage as findings_storage
 from pipeline.findings.together import together
+from pipeline.recording.storage import sha256_of
 from pipeline.rigs.registry import experiment as find_experiment
 
 
@@ -69,9 +70,23 @@ def ingest(name: str, force: bool) -> None:
     if campaign.runs_table.is_file():
         shown = campaign.runs_table.relative_to(campaign.root).as_posix()
         table = runs_table.read(campaign.runs_table, recipe.experiment, shown)
+    used = {other: path for other in recipe.uses if (path := _findings_of(other, campaign)).is_file()}
     with progress("ingest", len(runs)) as step:
         ingested = ingest_stage.ingest(
-            recipe, runs, campaign.recordings, base=campaign.root, table=table, force=force, progress=step
+            recipe,
+            runs,
+            campaign.recordings,
+            base=campaign.root,
+            table=table,
+            uses={other: sha256_of(path) for other, path in used.items()},
+            force=force,
+            progress=step,
+        )
+    for other in Project(campaign.root).not_handed_over(name, recipe.uses):
+        click.echo(
+            f"warning: {name}: its recipe uses '{other}', which DVC does not know; add '- {{campaign: {name}, of: {other}}}' "
+            "under 'uses' in params.yaml.",
+            err=True,
         )
     for finding in ingested.quality:
         if finding.level != "note":
@@ -82,7 +97,7 @@ def ingest(name: str, force: bool) -> None:
 def identify(name: str) -> int:
     """Identify a campaign from its recordings."""
     campaign, recipe = _campaign(name)
-    used = {other: Campaign(other, campaign.root).results / "findings.json" for other in recipe.uses}
+    used = {other: _findings_of(other, campaign) for other in recipe.uses}
     with progress("identify", None):
         findings = identify_stage.identify(
             name,
@@ -117,6 +132,10 @@ def _campaign(name: str) -> tuple[Campaign, Recipe]:
     campaign = Project.around(Path.cwd()).campaign(name)
     recipe = load(campaign.recipe)
     return campaign, recipe.shown_as(campaign.recipe.relative_to(campaign.root).as_posix())
+
+
+def _findings_of(other: str, campaign: Campaign) -> Path:
+    return Campaign(other, campaign.root).results / "findings.json"
 
 
 def _told(findings: Findings, page: Path | None) -> int:

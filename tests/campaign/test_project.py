@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,6 +13,7 @@ from pipeline.campaign.project import Project
 from pipeline.errors import InputError
 from pipeline.rigs.registry import experiment
 
+Call = Callable[..., Any]
 SPRING = experiment("spring.pull")
 
 
@@ -72,3 +75,33 @@ def test_every_setting_of_a_new_recipe_is_valid_once_uncommented(project: Path) 
     )
     made = recipe.load(campaign.recipe)
     assert made.settings == experiment("mre.shear").settings()
+
+
+def test_a_used_campaign_that_dvc_does_not_know_is_told_with_the_line_to_add(project: Path, rigfit: Call) -> None:
+    for name in ("bench", "road"):
+        assert rigfit("new", "spring.pull", name).status == 0
+        assert rigfit("synthesize", name).status == 0
+    recipe_of_road = project / "recipes" / "road.yaml"
+    recipe_of_road.write_text(recipe_of_road.read_text() + "uses: [bench]\n")
+    line = "- {campaign: road, of: bench}"
+    assert line in rigfit("ingest", "road").err
+    params = project / "params.yaml"
+    params.write_text(params.read_text().replace("uses: []", f"uses:\n  {line}"))
+    assert rigfit("ingest", "road").err == ""
+
+
+def test_the_findings_to_be_used_are_noted_beside_the_recordings(project: Path, rigfit: Call) -> None:
+    for name in ("bench", "road"):
+        rigfit("new", "spring.pull", name)
+        rigfit("synthesize", name)
+    (project / "recipes/road.yaml").write_text((project / "recipes/road.yaml").read_text() + "uses: [bench]\n")
+    manifests = []
+    for wire in (0.1, 0.015):
+        text = f"experiment: spring.pull\nsettings: {{largest_extension: {wire}}}\n"
+        (project / "recipes/bench.yaml").write_text(text)
+        for words in (("ingest", "bench"), ("identify", "bench"), ("ingest", "road")):
+            assert rigfit(*words).status == 0
+        manifests.append((project / "recordings/road/manifest.json").read_bytes())
+    assert manifests[0] != manifests[1]
+    rigfit("ingest", "road")
+    assert (project / "recordings/road/manifest.json").read_bytes() == manifests[1]

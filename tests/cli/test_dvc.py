@@ -40,7 +40,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder.mkdir()
     for name in ("dvc.yaml", ".dvcignore", ".gitignore"):
         shutil.copy(ROOT / name, folder / name)
-    (folder / "params.yaml").write_text("campaigns: []\nsynthetic:\n  - one\n")
+    (folder / "params.yaml").write_text("campaigns: []\nsynthetic:\n  - one\nuses: [{campaign: two, of: one}]\n")
     for part in ("ingest", "recording", "rigs", "estimation", "signals", "findings", "report"):
         (folder / "pipeline" / part).mkdir(parents=True)
         (folder / "pipeline" / part / "code.py").write_text("")
@@ -50,6 +50,8 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run(folder, "rigfit", "new", "spring.pull", "two")
     run(folder, "rigfit", "synthesize", "spring.pull", "--out", str(folder / "made"))
     shutil.copy(folder / "made" / "pull_1.csv", folder / "datasets" / "two" / "first.csv")
+    recipe = folder / "recipes" / "two.yaml"
+    recipe.write_text(recipe.read_text() + "uses: [one]\n")
     out = run(folder, "dvc", "repro")
     assert {"synthesize@one", "ingest@one", "identify@two", "report@two", "index"} <= ran(out)
     return folder
@@ -68,6 +70,16 @@ def test_a_dropped_log_reruns_its_campaign_only_and_old_recordings_stay(project:
     assert old.stat().st_mtime_ns == before
     findings = json.loads((project / "reports" / "two" / "findings.json").read_text())
     assert [entry["run"] for entry in findings["runs"]] == ["first", "second"]
+
+
+def test_new_findings_of_a_campaign_rerun_the_one_that_uses_them_without_reading_its_logs_again(project: Path) -> None:
+    recording = project / "recordings" / "two" / "first.parquet"
+    before = recording.stat().st_mtime_ns
+    recipe = project / "recipes" / "one.yaml"
+    recipe.write_text(recipe.read_text().replace("settings:\n", "settings: {largest_extension: 0.015}\n"))
+    assert {"identify@one", "hand-over@0", "ingest@two", "identify@two"} <= ran(run(project, "dvc", "repro"))
+    assert recording.stat().st_mtime_ns == before
+    assert ran(run(project, "dvc", "repro")) == set()
 
 
 def test_a_changed_setting_does_not_read_the_logs_again_and_metrics_tell_the_difference(project: Path) -> None:
