@@ -15,7 +15,7 @@ from pipeline.errors import InputError, listing
 from pipeline.ingest.mapping import ChannelMap, Selection, Source, resolve
 from pipeline.ingest.naming import ChannelLike
 from pipeline.ingest.passage import Passage
-from pipeline.ingest.quality import of_run
+from pipeline.ingest.quality import of_run, summed
 from pipeline.ingest.registry import open_log, reader_for
 from pipeline.ingest.stream import StreamInSI
 from pipeline.ingest.timebase import align, find_times
@@ -100,7 +100,7 @@ def ingest_run(
             stream.pass_to(passage)
             passage.quality.finish()
             _refuse_empty_channels(stream, passage)
-        quality = of_run([*notes, *_findings(sources, streams, passages)], run)
+        quality = of_run([*notes, *summed(_findings(sources, streams, passages))], run)
         repairs = [repair.message for stream in streams for repair in stream.repairs]
         provenance = Provenance(
             tuple(
@@ -145,7 +145,7 @@ def _findings(
     logs = {id(source.log): source.log for source in sources}
     found = [note for log in logs.values() for note in log.notes]
     for stream, passage in zip(streams, passages, strict=True):
-        found += [*stream.notes(passage.quality.sampling.step), *passage.quality.findings()]
+        found += [*stream.notes(passage.quality.sampling), *passage.quality.findings()]
     return found
 
 

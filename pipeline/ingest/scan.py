@@ -16,7 +16,7 @@ from pipeline.ingest.ingest import opened
 from pipeline.ingest.mapping import ChannelMap, SelectedChannel, Selection, Source, refuse_time_alone, resolve
 from pipeline.ingest.naming import ChannelLike
 from pipeline.ingest.passage import Passage
-from pipeline.ingest.quality import StreamSummary
+from pipeline.ingest.quality import StreamSummary, summed
 from pipeline.ingest.reader import RawChannel, RawLog
 from pipeline.ingest.stream import StreamInSI
 from pipeline.ingest.timebase import TimeSource, align, find_times
@@ -98,7 +98,7 @@ def scan_run(
         summary, sound = _pass(stream, quality)
         source = selection.source
         tables.append(TableScan(source.shown, source.table.name, time if sound else None, summary, mapped))
-    return RunScan(tuple(logs.values()), tuple(tables), tuple(quality))
+    return RunScan(tuple(logs.values()), tuple(tables), tuple(summed(quality)))
 
 
 def _selections(
@@ -160,7 +160,7 @@ def _pass(stream: StreamInSI, quality: list[QualityFinding]) -> tuple[StreamSumm
         with suppress(InputError):  # no rows, or none that can be read: said above
             StreamInSI(stream.selection, _COUNTED).pass_to(passage)
     passage.quality.finish()
-    quality += [*stream.notes(passage.quality.sampling.step), *passage.quality.findings()]
+    quality += [*stream.notes(passage.quality.sampling), *passage.quality.findings()]
     return passage.quality.summary(), sound
 
 

@@ -14,14 +14,17 @@ import numpy as np
 
 from pipeline.errors import InputError, counted
 from pipeline.ingest.mapping import Selection
+from pipeline.ingest.quality.sampling import Sampling
 from pipeline.ingest.reader import BLOCK_ROWS
 from pipeline.ingest.stamps import Repair, repair
-from pipeline.ingest.timebase import Clock, TimeSource
+from pipeline.ingest.timebase import Clock, TimeSource, stated_rate
 from pipeline.recording import QualityFinding
 
 Block = dict[str, np.ndarray]
 # Larger numbers measure nothing: they are a logger's way to write "no value".
 _INFINITE = 1e100
+# A stated rate is rounded; stamps may be off from it by so much.
+_RATE_TOLERANCE = 1e-3
 
 
 class Sink(Protocol):
@@ -86,8 +89,9 @@ class StreamInSI:
                 f"{self.clock.where}: holds no rows with a time; export or record the log again, with its samples."
             )
 
-    def notes(self, step: float) -> list[QualityFinding]:
-        """Return what is to be said of table, mapping and time after `pass_to`; `step` is the usual step, s."""
+    def notes(self, sampling: Sampling) -> list[QualityFinding]:
+        """Return what is to be said of table, mapping and time after `pass_to`; `sampling` saw its times."""
+        step = sampling.step
         said = [*self.selection.source.table.notes(), *self.selection.notes, *self.clock.notes, *self.repairs]
         if self.time.channel is not None and not self.time.stated and self.clock.begins is None:
             message = (
@@ -95,7 +99,26 @@ class StreamInSI:
                 f"{1.0 / step:.5g} samples a second."
             )
             said.append(QualityFinding("note" if not step >= 10.0 else "warning", message))
-        return said
+        return said + self._said_stated_rate(sampling)
+
+    def _said_stated_rate(self, sampling: Sampling) -> list[QualityFinding]:
+        """Say where the log states another rate than its stamps have, by more than both can be off."""
+        several = len(self.selection.source.log.tables) > 1  # a rate in the header is that of one of them
+        if several or self.time.channel is None or not np.isfinite(sampling.mean_rate):
+            return []
+        stated = stated_rate(self.selection.source, but=self.time.channel)
+        if stated is None:
+            return []
+        hertz, place = stated
+        off = sampling.mean_rate / hertz - 1.0
+        if abs(off) <= _RATE_TOLERANCE + 2.0 * sampling.step / sampling.duration:
+            return []
+        message = (
+            f"{self.clock.where}: the stamps of '{self.time.channel}' make {sampling.mean_rate:.6g} samples a second, "
+            f"{place} gives {hertz:.6g} Hz ({100 * off:+.2g} %); the stamps are used. Frequencies and speeds are wrong "
+            "by as much if they are not right; `time: {rate: ...}` in the recipe counts samples instead."
+        )
+        return [QualityFinding("warning", message)]
 
     def _again(self) -> Iterator[Block]:
         return rebatched(self.selection.source.table.blocks(self._names))
@@ -182,7 +205,9 @@ class StreamInSI:
             if tally.n:
                 told = counted(tally.n, "infinite value")
                 if name in self.beyond:
-                    told = f"{counted(tally.n, 'value')} infinite or beyond {_INFINITE:g}, up to {self.beyond[name]:.3g}"
+                    told = (
+                        f"{counted(tally.n, 'value')} infinite or beyond {_INFINITE:g}, up to {self.beyond[name]:.3g}"
+                    )
                 message = f"{name}: {told}, first at {tally.first_time:.6g} s, taken as missing."
                 self.repairs.append(QualityFinding("warning", message, channel=name))
 

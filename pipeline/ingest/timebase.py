@@ -183,7 +183,7 @@ def _find_time(source: Source, entry: ChannelMap) -> TimeSource:
     named = [channel.name for name in _NAMES for channel in channels if _bare(channel.name) == name]
     if named:
         return _channel(source, named[0], entry.unit)
-    rate = _rate_of(source)
+    rate = stated_rate(source)
     if rate is not None:
         hertz, place = rate
         note = f"{source.where}: no channel is time, so samples are counted at {hertz:.6g} Hz, which {place} gives."
@@ -259,10 +259,11 @@ def _seconds_since_1970(text: str) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def _rate_of(source: Source) -> tuple[float, str] | None:
-    """Return a sample rate (Hz) that the log states beside its channels, and where it stands."""
+def stated_rate(source: Source, but: str | None = None) -> tuple[float, str] | None:
+    """Return a sample rate (Hz) that the log states beside its channels, and where; the channel `but` is not asked."""
     metadata = {plain(key.rsplit(".", 1)[-1]): (key, text) for key, text in source.log.metadata.items()}
     columns = {plain(channel.name): channel.name for channel in source.table.channels if not channel.is_text}
+    columns = {name: column for name, column in columns.items() if column != but}
     for names, unit in ((_RATE_NAMES, "Hz"), (_STEP_NAMES, "s")):
         for name in names:
             if name in metadata:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -48,7 +50,7 @@ def test_both_ways_of_reading_give_the_same_lines(tmp_path):
         done, found = 0, {}
         for parsed in parsed_chunks(layout, layout.columns, 1 << 13, quick_from):
             starts = [*parsed.lines, (parsed.rows, 0)]
-            for (row, line), (after, _) in zip(starts[:-1], starts[1:], strict=True):
+            for (row, line), (after, _) in pairwise(starts):
                 found.update({done + k: line + k - row for k in range(row, after)})
             done += parsed.rows
         assert found == {row: lines.index(text) + 1 for row, text in enumerate(rows)}

@@ -58,8 +58,38 @@ def test_the_front_of_a_cut_chunk_is_read(tmp_path, log_bytes):
         force = rows(table(log))["force"]
         assert 1000 < force.size < COUNT
         np.testing.assert_array_equal(force, FORCE[: force.size])
-        assert "of its last chunk the front part was read" in messages_of(log.notes)
-        assert "once reached to 3.999 s" in messages_of(log.notes)
+        told = messages_of(log.notes)
+        packed = chunk.length - int(0.9 * chunk.length)
+        assert f"had {chunk.length} bytes, {packed} of them (10 %) are not in the file" in told
+        assert "could be had, the front part, unchecked" in told
+        assert f"once reached to 3.999 s at least: at least {(COUNT - force.size) / 1000:.4g} s are lost" in told
+
+
+def test_of_a_log_cut_outside_chunks_no_small_loss_is_claimed(tmp_path, log_bytes):
+    whole = log_bytes(use_chunking=False)
+    told = messages_of(opened(tmp_path, whole[: len(whole) // 2]).notes)
+    assert "is lost, and nothing in the file tells how much it was" in told
+    assert "%" not in told
+
+
+def test_the_front_of_a_chunk_that_a_power_cut_filled_with_zeros_is_read(tmp_path, log_bytes):
+    for compression in ("zstd", "lz4", "none"):
+        whole = log_bytes(compression=compression, chunk_size=1 << 20)
+        chunk = survey_layout(tmp_path / "whole.mcap").segments[0]
+        written = int(0.8 * chunk.length)
+        damaged = whole[: chunk.offset + written] + bytes(chunk.length - written) + whole[chunk.offset + chunk.length :]
+        log = opened(tmp_path, damaged)
+        force = rows(table(log))["force"]
+        assert 1000 < force.size < COUNT
+        np.testing.assert_array_equal(force, FORCE[: force.size])
+        assert f"the last {chunk.length - written} of its {chunk.length} bytes are zeros" in messages_of(log.notes)
+
+
+def test_a_log_of_one_chunk_cut_in_its_first_block_is_refused_with_what_was_in_it(tmp_path, log_bytes):
+    whole = log_bytes(chunk_size=1 << 20)
+    chunk = survey_layout(tmp_path / "whole.mcap").segments[0]
+    with pytest.raises(InputError, match=r"which held 3.999 s, .* unpack as a whole or not at all.* 50 of the chunk's"):
+        opened(tmp_path, whole[: chunk.offset + 50])
 
 
 def test_cut_at_any_byte_the_log_is_read_in_part_or_refused_in_words(tmp_path):

@@ -8,12 +8,20 @@ from memory_log import MemoryTable, Spec, sources_of, streamed
 
 from pipeline.errors import InputError
 from pipeline.ingest.mapping import ChannelMap
+from pipeline.ingest.quality.sampling import Sampling
 from pipeline.ingest.timebase import TimeSource, find_times
 
 FORCE = Spec("force", "N")
 N = 1000
 SECONDS = np.arange(N) / 500.0
 VALUES = np.sin(SECONDS)
+
+
+def sampled(step: float) -> Sampling:
+    sampling = Sampling()
+    sampling.add(step * np.arange(100.0))
+    sampling.finish()
+    return sampling
 
 
 def found(columns: dict[str, np.ndarray], entry: ChannelMap | None = None, **about: object) -> TimeSource:
@@ -66,9 +74,9 @@ def test_a_unit_of_time_that_is_none_is_refused() -> None:
 def test_time_without_unit_is_seconds_and_that_is_said() -> None:
     table = MemoryTable({"t": SECONDS, "force": VALUES}, {"force": "N"})
     (stream,), _ = streamed(table, specs=[FORCE])
-    (note,) = stream.notes(1 / 500)
+    (note,) = stream.notes(sampled(1 / 500))
     assert (note.level, "no unit" in note.message, "500" in note.message) == ("note", True, True)
-    assert stream.notes(200.0)[0].level == "warning", "a step of 200 s looks like microseconds"
+    assert stream.notes(sampled(200.0))[0].level == "warning", "a step of 200 s looks like microseconds"
 
 
 def test_relative_times_are_kept_as_logged() -> None:
@@ -93,7 +101,7 @@ def test_a_wrong_unit_of_times_since_1970_is_noticed() -> None:
     table = MemoryTable({"time": 1.7e12 + SECONDS * 1e3, "force": VALUES}, {"force": "N", "time": "s"})
     (stream,), (sink,) = streamed(table, specs=[FORCE])
     np.testing.assert_allclose(sink.time, SECONDS, atol=5e-4)
-    assert any(note.level == "warning" and "ms since 1970" in note.message for note in stream.notes(1 / 500))
+    assert any(note.level == "warning" and "ms since 1970" in note.message for note in stream.notes(sampled(1 / 500)))
 
 
 def test_streams_of_one_run_share_the_earliest_absolute_second() -> None:
@@ -111,7 +119,7 @@ def test_a_stream_without_date_beside_one_with_it_is_left_alone_and_said() -> No
     other = MemoryTable({"time": SECONDS + 3, "x": VALUES}, {"x": "m", "time": "s"}, name="b")
     streams, (_, b) = streamed(one, other, specs=[FORCE, Spec("x", "m")])
     assert b.time[0] == 3.0
-    assert any("cannot be aligned" in note.message for note in streams[1].notes(1 / 500))
+    assert any("cannot be aligned" in note.message for note in streams[1].notes(sampled(1 / 500)))
 
 
 @pytest.mark.parametrize(

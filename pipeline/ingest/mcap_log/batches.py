@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +22,7 @@ COMPRESSIONS = ("zstd", "lz4", "")
 LARGEST_CHUNK = 256 << 20
 LARGEST_RATIO = 1000
 _HARMLESS = 16 << 20
+_ZEROS_OF_A_POWER_CUT = 512
 # Plain numbers: this loop sees every message.
 _MESSAGE, _DEFINITIONS = records.MESSAGE, (records.SCHEMA, records.CHANNEL)
 # Small chunks are taken together up to this; it fits the processor's cache.
@@ -81,6 +83,7 @@ class Messages:
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self.losses: dict[int, Loss] = {}
+        self.salvaged: dict[int, int] = {}
         self.portions = _portions(layout.segments)
         self._keep = sum(segment.size for segment in layout.segments) <= _KEPT_BYTES
         self._kept: dict[int, Batch] = {}
@@ -111,7 +114,7 @@ class Messages:
                 for segment in self.portions[portion]:
                     file.seek(segment.offset)
                     try:
-                        parts.append((segment, unpacked(segment, file.read(segment.length))))
+                        parts.append(self._unpacked(segment, file.read(segment.length)))
                     except ChunkError as error:
                         self._lose(segment, str(error), left_out=True)
         except OSError as error:
@@ -120,6 +123,24 @@ class Messages:
         if self._keep:
             self._kept[portion] = batch
         return batch
+
+    def _unpacked(self, segment: Segment, data: bytes) -> tuple[Segment, bytes]:
+        """Unpack a segment; of one that a power cut filled up with zeros, the part before them."""
+        try:
+            content = unpacked(segment, data)
+        except ChunkError:
+            written = data.rstrip(b"\0")
+            if segment.cut or len(data) - len(written) < _ZEROS_OF_A_POWER_CUT:
+                raise
+            segment = replace(segment, cut=True)
+            content = unpacked(segment, written)
+            zeros = (
+                f"the last {len(data) - len(written)} of its {len(data)} bytes are zeros, as a power cut leaves them"
+            )
+            self._lose(segment, f"{zeros}; {len(content)} of {segment.size} bytes could be unpacked", left_out=False)
+        if segment.cut:
+            self.salvaged[segment.offset] = len(content)
+        return segment, content
 
     def _lose(self, segment: Segment, reason: str, left_out: bool) -> None:
         start, end = (segment.chunk.start_time, segment.chunk.end_time) if segment.chunk is not None else (0, 0)
@@ -210,6 +231,12 @@ def unpacked(segment: Segment, data: bytes) -> bytes:
             "that is refused"
         )
     content = data if chunk.compression == "" else _unpack(chunk.compression, data, chunk.size, segment.cut)
+    if segment.cut and not content:
+        raise ChunkError(
+            f"none of its {chunk.size} bytes can be had: it is packed ({chunk.compression or 'not compressed'}) in blocks "
+            f"that unpack as a whole or not at all, and the first one lies across the cut; {len(data)} of the chunk's "
+            f"{chunk.data_length} bytes are there"
+        )
     if segment.cut:
         return content[: chunk.size]
     if len(content) != chunk.size:
@@ -243,10 +270,7 @@ def _unpack_zstd(data: bytes, size: int, cut: bool) -> bytes:
         except (zstandard.ZstdError, MemoryError) as error:
             raise ChunkError(f"its zstd data are damaged ({error})") from error
     content = bytearray()
-    try:
+    with suppress(zstandard.ZstdError):  # the blocks before the one that is not whole are kept
         while len(content) <= size and (piece := source.read1(1 << 16)):
             content += piece
-    except zstandard.ZstdError:
-        if not content:
-            raise ChunkError("too little of its zstd data is left to unpack any") from None
     return bytes(content)

@@ -17,7 +17,7 @@ from pipeline.ingest.mcap_log import records
 from pipeline.ingest.mcap_log.batches import Messages
 from pipeline.ingest.mcap_log.declared import is_unit_key
 from pipeline.ingest.mcap_log.fields import Plan, plan
-from pipeline.ingest.mcap_log.layout import Layout, survey_layout
+from pipeline.ingest.mcap_log.layout import Damage, Layout, survey_layout
 from pipeline.ingest.mcap_log.noticed import loss_notes
 from pipeline.ingest.mcap_log.table import TopicTable
 from pipeline.ingest.mcap_log.topics import SUPPORTED, Topic, raw_fields, survey
@@ -74,7 +74,10 @@ class McapReader(Reader):
 def _refuse_if_empty(layout: Layout, messages: Messages, topics: Sequence[Topic]) -> None:
     path = layout.path
     what = [f"{damage.reason} (byte {damage.start} of {layout.size})" for damage in layout.damages]
-    what += [f"a chunk (byte {loss.offset}) was left out: {loss.reason}" for loss in messages.losses.values()]
+    for loss in messages.losses.values():
+        held = (loss.end_time - loss.start_time) / 1e9
+        lasted = f", which held {held:.6g} s," if held > 0 else ""
+        what.append(f"a chunk (byte {loss.offset}){lasted} was left out: {loss.reason}")
     with_messages = [topic for topic in topics if topic.found]
     if not with_messages:
         unknown = _messages_without_channel(messages) if messages.portions else 0
@@ -83,7 +86,7 @@ def _refuse_if_empty(layout: Layout, messages: Messages, topics: Sequence[Topic]
         if what:
             raise InputError(
                 f"{path}: nothing could be read of this MCAP file: {'; '.join(what[:3])}. It is damaged or was cut "
-                "off; copy it again, or try 'mcap recover'."
+                "off; copy it again from the recorder. Smaller chunks lose less when a recording is cut off."
             )
         raise InputError(f"{path}: this MCAP file holds no messages. Was the recorder started on the right topics?")
     if all(topic.problem is not None or not topic.samples for topic in with_messages):
@@ -218,20 +221,7 @@ def _damage_notes(layout: Layout, messages: Messages, zero: int) -> Iterator[Qua
             text = f"bytes {damage.start} to {damage.stop} of {layout.size} ({share:.2g} %) cannot be read: "
             yield QualityFinding("warning", f"{text}{damage.reason}. Reading went on behind them.")
             continue
-        until = _last_time(messages, zero)
-        cut = layout.segments[-1] if layout.segments and layout.segments[-1].cut else None
-        whole = (
-            "; of its last chunk the front part was read, unchecked" if cut is not None and until is not None else ""
-        )
-        text = (
-            f"the file is cut off or damaged at byte {damage.start} of {layout.size}: {damage.reason}. The last "
-            f"{lost} bytes ({share:.2g} %) are not whole{whole}. "
-        )
-        if until is not None:
-            text += f"The log can be read up to {until:.6g} s"
-        if cut is not None and cut.chunk is not None and cut.chunk.end_time > zero:
-            text += f" and once reached to {(cut.chunk.end_time - zero) / 1e9:.6g} s at least"
-        yield QualityFinding("warning", text + ".")
+        yield QualityFinding("warning", _cut_off(layout, messages, damage, zero))
     if not layout.has_footer and not layout.damages:
         until = _last_time(messages, zero)
         told = f" It can be read up to {until:.6g} s." if until is not None else ""
@@ -239,6 +229,29 @@ def _damage_notes(layout: Layout, messages: Messages, zero: int) -> Iterator[Qua
             "warning", f"the file ends without its closing records: the recorder or the copy was interrupted.{told}"
         )
     yield from loss_notes(messages, zero)
+
+
+def _cut_off(layout: Layout, messages: Messages, damage: Damage, zero: int) -> str:
+    """Say where the file breaks off and how much that costs, as far as what is left of it tells."""
+    until = _last_time(messages, zero)
+    text = f"the file is cut off or damaged at byte {damage.start} of {layout.size}: {damage.reason}. "
+    if until is not None:
+        text += f"The log can be read up to {until:.6g} s. "
+    cut = layout.segments[-1] if layout.segments and layout.segments[-1].cut else None
+    if cut is None or cut.chunk is None:
+        return text + "How much came after that is lost, and nothing in the file tells how much it was."
+    there, was = cut.length, cut.chunk.data_length
+    got = messages.salvaged.get(cut.offset, 0)
+    text += (
+        f"Its last chunk had {was} bytes, {was - there} of them ({100.0 * (was - there) / was:.3g} %) are not in the file; "
+        f"of its {cut.chunk.size} bytes unpacked {got} ({100.0 * got / max(cut.chunk.size, 1):.3g} %) could be had"
+    )
+    text += ", the front part, unchecked. " if got else ". "
+    if cut.chunk.end_time > zero:
+        end = (cut.chunk.end_time - zero) / 1e9
+        text += f"That chunk once reached to {end:.6g} s at least"
+        text += f": at least {end - until:.4g} s are lost. " if until is not None and end > until else ". "
+    return text + "What came behind it is lost too, and nothing tells how much that was."
 
 
 def _last_time(messages: Messages, zero: int) -> float | None:

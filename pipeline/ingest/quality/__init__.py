@@ -2,5 +2,6 @@
 
 from pipeline.ingest.quality.channel import ChannelSummary
 from pipeline.ingest.quality.stream import StreamQuality, StreamSummary, of_run
+from pipeline.ingest.quality.summing import summed
 
-__all__ = ["ChannelSummary", "StreamQuality", "StreamSummary", "of_run"]
+__all__ = ["ChannelSummary", "StreamQuality", "StreamSummary", "of_run", "summed"]

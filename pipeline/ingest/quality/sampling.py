@@ -78,6 +78,12 @@ class Sampling:
         return 1.0 / self.step
 
     @property
+    def mean_rate(self) -> float:
+        """Samples per second over the whole record, those missing in gaps counted, Hz; NaN where steps scatter."""
+        is_even = self.n > 1 and self.duration > 0 and self._uneven <= 0.2 and self._late <= 0.01 * self.n
+        return (self.n - 1 + self._lost) / self.duration if is_even else float("nan")
+
+    @property
     def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return self.last - self.first if self.n else 0.0
