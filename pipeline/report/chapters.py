@@ -133,7 +133,7 @@ def _anchor(section: Section, place: int) -> str:
 
 def _key(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
     view = key_table(findings, experiment)
-    return [view if view.rows else Paragraphs(["None of the numbers that this experiment is made for was identified."])]
+    return [view if view.rows else Paragraphs(["No number was identified."])]
 
 
 def _section(section: Section) -> Iterator[Block | Figure]:

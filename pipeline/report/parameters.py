@@ -24,6 +24,7 @@ from pipeline.rigs.experiment import Experiment
 # A key parameter with more operating points than that is summed up by its range.
 _MOST_KEY_ROWS = 6
 _MOST_COLUMNS = 8
+_MOST_STAND_INS = 6
 _UNDETERMINED = "not determined"
 _SAID_ALREADY = re.compile(rf"^(?:[^:;,]{{0,40}} (?:is|are) )?{_UNDETERMINED}(?:[:;,] |$)")
 
@@ -61,9 +62,13 @@ def condition_text(value: float | str | bool, unit: str) -> str:
 
 
 def key_parameters(findings: Findings, experiment: Experiment) -> list[list[Parameter]]:
-    """Return the parameters that the experiment calls key, one list a name, in its order; absent ones are left out."""
+    """Return the parameters that the experiment calls key, one list a name, in its order; absent ones are left out.
+
+    Where none of them was looked for, as in a test that is only half of one, the first others stand in.
+    """
     found = [findings.find(spec.name) for spec in experiment.parameters if spec.key]
-    return [parameters for parameters in found if parameters]
+    others = [findings.find(spec.name) for spec in experiment.parameters if not spec.key]
+    return [parameters for parameters in found if parameters] or [one for one in others if one][:_MOST_STAND_INS]
 
 
 def key_table(findings: Findings, experiment: Experiment) -> TableView:

@@ -18,8 +18,9 @@ from pipeline.report.chapters import chapters
 from pipeline.report.citation import bibtex, citation
 from pipeline.report.index import IndexEntry, index_entry, render_index
 from pipeline.report.page import render_report
+from pipeline.report.parameters import key_table, parameter_tables
 from pipeline.report.table import table_view
-from pipeline.rigs.experiment import Experiment, Reference
+from pipeline.rigs.experiment import Experiment, ParameterSpec, Reference
 
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>'\" & $x$ \x00"
 VOID = {"meta", "link", "br", "hr", "img", "input"}
@@ -185,7 +186,7 @@ def test_nothing_from_a_log_becomes_markup(make_experiment):
 def test_empty_findings_make_a_page(make_experiment):
     bare = Findings(schema=1, campaign="none", experiment="toy.pads", verdict="rejected")
     page = Page(render_report(bare, make_experiment(lambda _: []), "", ""))
-    assert "None of the numbers that this experiment is made for was identified." in page.text
+    assert "No number was identified." in page.text
     assert "Rejected" in page.text
 
 
@@ -281,3 +282,43 @@ def test_the_index_shows_every_campaign(findings, experiment):
 def test_the_report_imports_matplotlib_only_to_draw(run_python: Callable[[str], str]):
     code = "import sys, pipeline.report.page, pipeline.report.index; print('matplotlib' in sys.modules)"
     assert run_python(code).strip() == "False"
+
+
+def test_where_no_key_number_was_looked_for_the_others_stand_in(findings, experiment):
+    others = findings.model_copy(update={"parameters": [p for p in findings.parameters if p.name == "loss_factor"]})
+    declared = replace(
+        experiment, parameters=[*experiment.parameters, ParameterSpec("loss_factor", r"\eta", "1", "loss factor")]
+    )
+    (row,) = key_table(others, declared).rows
+    assert "range over 12 operating points" in row[0].below
+
+
+def test_a_reason_repeats_neither_the_meaning_nor_that_there_is_no_value(findings, experiment):
+    def below(description: str) -> str:
+        lost = Parameter(name="k1", symbol="k_1", value=None, unit="N/m", description=description)
+        return key_table(findings.model_copy(update={"parameters": [lost]}), experiment).rows[0][0].below
+
+    meaning = "stiffness of the Maxwell branch"
+    assert below("k1 is not determined: its error would be 17 %") == f"{meaning}; its error would be 17 %"
+    assert below(f"{meaning}; not determined: one frequency only") == f"{meaning}; one frequency only"
+    assert below("Stiffness of the Maxwell branch: one frequency only.") == f"{meaning}; one frequency only"
+    assert below("k1 is not determined") == meaning
+    assert below("needs k1 and tau; k1 not determined") == f"{meaning}; needs k1 and tau; k1 not determined"
+
+
+def test_the_page_names_its_logs(findings, experiment):
+    def title(found: Findings, given: str = "") -> str:
+        return re.search("<title>(.*?)</title>", render_report(found, experiment, given, "c"))[1]
+
+    one = findings.model_copy(update={"runs": findings.runs[:1]})
+    assert title(one) == "Shear of elastomer pads: sh_000.csv – rigfit"
+    assert title(findings, "Batch 7") == "Batch 7: 12 logs, sh_000.csv to sh_011.csv – rigfit"
+
+
+def test_many_quantities_of_one_run_stand_in_tables_that_fit_a_page(experiment):
+    at = {"run": "a", "coil_current": 2.0, "frequency": 5.0, "pad_height": 6e-3}
+    many = [Parameter(name=f"q{n}", symbol=f"q_{n}", value=1.0 + n, unit="1", at=at) for n in range(7)]
+    empty = Findings(schema=1, campaign="c", experiment="toy.pads", verdict="ok", parameters=many)
+    views = parameter_tables(empty, experiment)
+    assert [len(view.heads) for view in views] == [8, 7]
+    assert all(len(view.rows) == 1 for view in views)
