@@ -1,6 +1,8 @@
 """Large tilting pad journal bearings on a floating-stator rig: clearance, dynamic coefficients, nonlinear orbits."""
 
 from pipeline.rigs.experiment import Experiment
+from pipeline.rigs.tpjb.baseline.declaration import BASELINE
 from pipeline.rigs.tpjb.bump.declaration import BUMP
+from pipeline.rigs.tpjb.dynamic.declaration import DYNAMIC
 
-EXPERIMENTS: tuple[Experiment, ...] = (BUMP,)
+EXPERIMENTS: tuple[Experiment, ...] = (BASELINE, BUMP, DYNAMIC)

@@ -127,9 +127,11 @@ def shaft_speed_of(recording: Recording) -> float | None:
 def _mean(recording: Recording, channel: str) -> float | None:
     if channel not in recording:
         return None
-    values = recording.values(channel)
-    finite = values[np.isfinite(values)]
-    return float(finite.mean()) if finite.size else None
+    total, count = 0.0, 0
+    for _, (values,) in recording.stream_of(channel).blocks([channel]):
+        finite = values[np.isfinite(values)]
+        total, count = total + float(finite.sum()), count + finite.size
+    return total / count if count else None
 
 
 def rounded(value: float, digits: int = 4) -> float:

@@ -1,0 +1,71 @@
+"""`tpjb.baseline`: mass and parallel stiffness of the stator, hung free of the bearing (tpjb.md T0).
+
+Only the declaration stands here; `identify` does the work, so that listing experiments is fast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pydantic import Field
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import Section
+from pipeline.recording import Recording
+from pipeline.rigs.experiment import Context, Experiment, ParameterSpec, Settings
+from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, channels
+
+
+class BaselineSettings(Settings):
+    """What a recipe of `tpjb.baseline` may set."""
+
+    least_snr: float = Field(10.0, gt=0, description="amplitude over its error below which a tone is dropped")
+
+
+PARAMETERS = (
+    ParameterSpec("stator_mass", "m_s", "kg", "mass of the floating stator", "sheet, T0", key=True),
+    ParameterSpec(
+        "stabilizer_stiffness", "k_s", "N/m", "stiffness of stabilisers and hoses to ground", "sheet, T0", key=True
+    ),
+)
+
+
+def _identify(recordings: Sequence[Recording], settings: BaselineSettings, context: Context) -> Findings:
+    from pipeline.rigs.tpjb.baseline.identify import identify
+
+    return identify(recordings, settings, context)
+
+
+def _synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:
+    from pipeline.rigs.tpjb.baseline.synthetic import synthesize
+
+    return synthesize(truth, seed)
+
+
+def _sections(findings: Findings) -> Sequence[Section]:
+    from pipeline.rigs.tpjb.baseline.sections import sections
+
+    return sections(findings)
+
+
+def _methods(findings: Findings) -> Sequence[str]:
+    from pipeline.rigs.tpjb.baseline.methods import methods
+
+    return methods(findings)
+
+
+BASELINE = Experiment(
+    id="tpjb.baseline",
+    title="Stator mass and stabiliser stiffness",
+    summary="Mass and parallel stiffness of the floating stator from tones without contact in the bearing.",
+    references=(CIULLI_FORTE_2019,),
+    channels=channels("force_u", "force_v"),
+    conditions=CONDITIONS,
+    parameters=PARAMETERS,
+    settings=BaselineSettings,
+    identify=_identify,
+    synthesize=_synthesize,
+    sections=_sections,
+    methods=_methods,
+)

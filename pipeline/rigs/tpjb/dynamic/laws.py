@@ -1,0 +1,183 @@
+"""How the coefficients go with frequency: constant, straight line, parabola; and what could imitate that.
+
+Weighted fits over the tones, judged by chi-square. The intercept at shaft speed is the synchronous
+coefficient.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+# Share of right laws that are let pass.
+LEVEL = 0.99
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A polynomial of `degree` in r = f/f_shaft - 1, shape of `coefficients` (degree + 1,), lowest first.
+
+    `noise_dof` are the degrees of freedom of the intercept's standard error.
+    """
+
+    degree: int
+    coefficients: np.ndarray
+    covariance: np.ndarray
+    chi2: float
+    dof: int
+    limit: float
+    noise_dof: float
+
+    @property
+    def passes(self) -> bool:
+        """Tell whether chi-square stays below its 99 % point."""
+        return self.dof > 0 and self.chi2 <= self.limit
+
+    @property
+    def widening(self) -> float:
+        """By how much a rejected law's errors grow so that its scatter is theirs (Birge's ratio)."""
+        return 1.0 if self.passes or self.dof < 1 else max(1.0, float(np.sqrt(self.chi2 / self.dof)))
+
+    def at(self, r: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+        """Return value and standard error at r, a rejected law's widened."""
+        columns = np.vander(np.atleast_1d(np.asarray(r, dtype=float)), self.degree + 1, increasing=True)
+        variance = np.einsum("ij,jk,ik->i", columns, self.covariance, columns)
+        return columns @ self.coefficients, self.widening * np.sqrt(variance)
+
+
+def chi2_limit(count: int, fitted: int, noise_dof: np.ndarray, level: float = LEVEL) -> float:
+    """Return the `level` point of a sum of squares whose weights were estimated themselves.
+
+    Each of the `count` squares has the mean n/(n - 2) and a longer tail than chi-square's when its
+    error was estimated with n degrees of freedom; mean and variance of the sum set a gamma law.
+    """
+    from scipy.special import gammaincinv
+
+    n = np.maximum(np.asarray(noise_dof, dtype=float), 5.0)
+    share = (count - fitted) / count
+    mean = share * float((n / (n - 2)).sum())
+    variance = share * float((2 * n**2 * (n - 1) / ((n - 2) ** 2 * (n - 4))).sum())
+    return float(gammaincinv(mean**2 / variance, level) * variance / mean) if count > fitted else 0.0
+
+
+def fit_law(r: np.ndarray, y: np.ndarray, sd: np.ndarray, noise_dof: np.ndarray, degree: int) -> Law:
+    """Fit a polynomial to y(r) of shape (k,) with standard errors `sd`, known with `noise_dof` each.
+
+    Examples
+    --------
+    >>> r = np.array([-0.5, 0.0, 0.5, 1.0])
+    >>> law = fit_law(r, 2.0 + r, np.full(4, 0.1), np.full(4, 20.0), 1)
+    >>> np.round(law.coefficients, 9).tolist(), law.passes
+    ([2.0, 1.0], True)
+    """
+    smooth = smoothed(r, sd, noise_dof)
+    columns = np.vander(r, degree + 1, increasing=True) / smooth[:, None]
+    gain = np.linalg.inv(columns.T @ columns) @ columns.T / smooth
+    coefficients = gain @ y
+    left = y / smooth - columns @ coefficients
+    share = (gain[0] * sd) ** 2
+    return Law(
+        degree,
+        coefficients,
+        (gain * sd**2) @ gain.T,
+        float(left @ left),
+        r.size - degree - 1,
+        chi2_limit(r.size, degree + 1, 4 * noise_dof),
+        float(share.sum() ** 2 / (share**2 / noise_dof).sum()),
+    )
+
+
+def smoothed(r: np.ndarray, sd: np.ndarray, noise_dof: np.ndarray) -> np.ndarray:
+    """Return standard errors drawn to a smooth curve over the tones, which counts three times as much.
+
+    Noise differs little from tone to tone; weights that follow the luck of each few blocks would prefer
+    the tones whose error came out small, and the error of the fit would be told too small.
+    """
+    if r.size < 4:
+        return sd
+    # The logarithm of a variance with n degrees of freedom is 1/n low on average.
+    level = np.log(sd**2) + 1 / noise_dof
+    curve = np.polynomial.Polynomial.fit(r, level, 1 if r.size < 6 else 2)(r)
+    return np.asarray(np.exp((level + 3 * curve) / 8))
+
+
+def choose(laws: Sequence[Law]) -> Law | None:
+    """Return the law of the lowest degree that chi-square lets pass; None where none is."""
+    return next((law for law in sorted(laws, key=lambda law: law.degree) if law.passes), None)
+
+
+@dataclass(frozen=True, eq=False)
+class Imitation:
+    """A trend that all stiffnesses share, told beside constant K and C.
+
+    `value` of the extra parameter with its standard error; chi-square with it and without.
+    """
+
+    value: float
+    std_error: float
+    chi2: float
+    chi2_without: float
+    dof: int
+    limit: float
+
+    @property
+    def explains(self) -> bool:
+        """Tell whether constants alone fail and constants with this one parameter pass."""
+        return self.chi2 <= self.limit < self.chi2_without and abs(self.value) > 3 * self.std_error
+
+
+def imitation(
+    w: np.ndarray, H: np.ndarray, std_error: np.ndarray, noise_dof: np.ndarray, pattern: np.ndarray
+) -> Imitation:
+    """Fit constant K and C and one parameter p with H = K + i w C + p `pattern` over all tones and entries.
+
+    Parameters
+    ----------
+    w
+        rad/s, shape (k,).
+    H, std_error, noise_dof, pattern
+        Shape (k, 2, 2). The pattern of a displacement that is late by p is i w H; that of a mass which
+        was not taken off is A D^-1.
+    """
+    k = w.size
+    one, turn = np.ones(k), w
+    columns, target = [], []
+    for i in range(2):
+        for j in range(2):
+            sd = std_error[:, i, j]
+            for part, base in ((np.real, one), (np.imag, turn)):
+                block = np.zeros((k, 9))
+                block[:, 4 * i + 2 * j + (0 if part is np.real else 1)] = base / sd
+                block[:, 8] = part(pattern[:, i, j]) / sd
+                columns.append(block)
+                target.append(part(H[:, i, j]) / sd)
+    A, y = np.vstack(columns), np.concatenate(target)
+    norm = np.linalg.norm(A, axis=0)
+    solution, covariance = _solved(A / norm, y)
+    left = y - A / norm @ solution
+    alone, _ = _solved(A[:, :8] / norm[:8], y)
+    without = y - A[:, :8] / norm[:8] @ alone
+    freedom = np.repeat(noise_dof.reshape(k, 4).T, 2, axis=0).ravel()
+    return Imitation(
+        float(solution[8] / norm[8]),
+        float(np.sqrt(covariance[8, 8]) / norm[8]),
+        float(left @ left),
+        float(without @ without),
+        y.size - 9,
+        chi2_limit(y.size, 9, freedom),
+    )
+
+
+def _solved(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    covariance = np.linalg.pinv(A.T @ A)
+    return covariance @ A.T @ y, covariance
+
+
+def added_mass(w: np.ndarray, stiffness: np.ndarray, sd: np.ndarray) -> tuple[float, float, float]:
+    """Return M (kg), its standard error and K (N/m) of the KCM reading Re H = K - w^2 M, shape (k,) each."""
+    columns = np.stack([np.ones_like(w), -(w**2)], axis=1) / sd[:, None]
+    norm = np.linalg.norm(columns, axis=0)
+    solution, covariance = _solved(columns / norm, stiffness / sd)
+    return float(solution[1] / norm[1]), float(np.sqrt(covariance[1, 1]) / norm[1]), float(solution[0] / norm[0])

@@ -1,0 +1,276 @@
+"""Parameters, models and tables of `tpjb.dynamic` from the solutions of its operating points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline.estimation.selection import Candidate
+from pipeline.estimation.uncertainty import t_quantile
+from pipeline.findings import ModelResult, Parameter, Published
+from pipeline.rigs.tpjb.dynamic.declaration import PARAMETERS
+from pipeline.rigs.tpjb.dynamic.inertia import gain_error
+from pipeline.rigs.tpjb.dynamic.laws import Law
+from pipeline.rigs.tpjb.dynamic.nonlinearity import Products
+from pipeline.rigs.tpjb.dynamic.solution import NAMES, Coefficient, Solution
+
+_METHOD = "ratio of coherent means over blocks"
+# A shift by what is in doubt that counts, in standard errors.
+_COUNTS = 2.0
+_CURVE = 80
+_SPEC = {spec.name: spec for spec in PARAMETERS}
+
+
+def label_of(at: dict[str, float | str | bool]) -> str:
+    """Return an operating point for people: ``40 kN, 104.7 rad/s``."""
+    parts = [str(at["bearing"])] if "bearing" in at else []
+    if "static_load" in at:
+        parts.append(f"{float(at['static_load']) / 1e3:g} kN")
+    if "shaft_speed" in at:
+        parts.append(f"{float(at['shaft_speed']):g} rad/s")
+    return ", ".join(parts) or "all runs"
+
+
+def parameters_of(solution: Solution) -> list[Parameter]:
+    """Return the coefficients at each tone and at shaft speed, null with the reason where they are not told."""
+    at = solution.pool.at
+    found = []
+    if not solution.fatal:
+        dropped = sorted(solution.pool.dropped.items())
+        for name in NAMES:
+            entry = solution.coefficients[name]
+            found += [_at_tone(solution, entry, k) for k in range(solution.tones.size)]
+            found += [
+                _null(name, {**at, "frequency": _hz(tone)}, f"tone not used: {reason}") for tone, reason in dropped
+            ]
+    for name in NAMES:
+        found.append(_synchronous(solution, name))
+    return found
+
+
+def _hz(tone: float) -> float:
+    return round(float(tone), 3)
+
+
+def _at_tone(solution: Solution, entry: Coefficient, k: int) -> Parameter:
+    at = {**solution.pool.at, "frequency": _hz(solution.tones[k])}
+    sd, value = float(entry.std_error[k]), float(entry.value[k])
+    if reason := _doubted(solution, entry.name, sd, k):
+        return _null(entry.name, at, reason)
+    description = (
+        f"type A: {t_quantile(float(entry.dof[k])):.2f} standard errors, {entry.dof[k]:.3g} degrees of freedom"
+    )
+    return _parameter(
+        entry.name, value, sd, float(entry.dof[k]), at, f"{description}; {_type_b(solution, float(entry.inertia[k]))}"
+    )
+
+
+def _synchronous(solution: Solution, name: str) -> Parameter:
+    at = {**solution.pool.at, "synchronous": True}
+    if solution.fatal:
+        return _null(name, at, solution.fatal)
+    shaft, entry = solution.pool.shaft, solution.coefficients[name]
+    if not shaft or entry.law is None:
+        return _null(name, at, "the shaft speed is not known")
+    if not solution.tones.min() <= shaft <= solution.tones.max():
+        span = f"{solution.tones.min():g} to {solution.tones.max():g} Hz"
+        return _null(
+            name, at, f"no tones on both sides of the shaft's {shaft:.4g} Hz (used: {span}); it would be extrapolated"
+        )
+    (value,), (sd,) = entry.law.at(0.0)
+    nearest = int(np.abs(solution.tones - shaft).argmin())
+    if reason := _doubted(solution, name, float(sd), nearest):
+        return _null(name, at, reason)
+    law = entry.law
+    judged = f"chi-square {law.chi2:.3g} with {law.dof} degrees of freedom" if law.dof else "no degree of freedom left"
+    widened = f", errors widened {law.widening:.2g} times" if law.widening > 1 else ""
+    by_mass = float(np.interp(shaft, solution.tones, entry.inertia))
+    text = f"order {law.degree}: polynomial of degree {law.degree} in frequency ({judged}{widened}); {_type_b(solution, by_mass)}"
+    return _parameter(name, float(value), float(sd), law.noise_dof, at, text)
+
+
+def _doubted(solution: Solution, name: str, sd: float, k: int) -> str:
+    shift = solution.shift.get(name)
+    if shift is None or shift[k] <= _COUNTS * sd:
+        return ""
+    return (
+        f"not told, since {solution.doubt} would explain the trend of stiffness with frequency and shift this by "
+        f"{shift[k]:.3g} {_SPEC[name].unit}"
+    )
+
+
+def _type_b(solution: Solution, by_inertia: float) -> str:
+    gain = gain_error(solution.pool.members)
+    parts = ["gains not stated" if gain is None else f"±{100 * gain:.2g} % by gains, all coefficients alike"]
+    unknown = np.isnan(solution.inertia.mass_error)
+    parts.append("error of the stator's mass not stated" if unknown else f"±{by_inertia:.2g} {'by the stator inertia'}")
+    return "type B (one standard error, not in the interval): " + ", ".join(parts)
+
+
+def _parameter(
+    name: str, value: float, sd: float, dof: float, at: dict[str, float | str | bool], description: str
+) -> Parameter:
+    half = t_quantile(dof) * sd
+    spec = _SPEC[name]
+    return Parameter(
+        name=name,
+        symbol=spec.symbol,
+        value=value,
+        std_error=sd,
+        ci95=(value - half, value + half),
+        unit=spec.unit,
+        at=at,
+        description=description,
+        source=spec.source,
+        method=_METHOD,
+    )
+
+
+def _null(name: str, at: dict[str, float | str | bool], reason: str) -> Parameter:
+    spec = _SPEC[name]
+    return Parameter(
+        name=name, symbol=spec.symbol, value=None, unit=spec.unit, at=at, description=reason, source=spec.source
+    )
+
+
+def models_of(solutions: Sequence[Solution]) -> list[ModelResult]:
+    """Return the laws of degree 0, 1, 2 of every coefficient, the taken one selected."""
+    models = []
+    for solution in solutions:
+        for entry in solution.coefficients.values():
+            models += [_model(solution, entry, law) for law in entry.laws]
+    return models
+
+
+def _model(solution: Solution, entry: Coefficient, law: Law) -> ModelResult:
+    r = solution.tones / (solution.pool.shaft or 1.0) - 1
+    left = entry.value - law.at(r)[0]
+    candidate = Candidate("", law.chi2, r.size, law.degree + 1, sigma_known=True)
+    return ModelResult(
+        name=f"{entry.name}, degree {law.degree}, {label_of(solution.pool.at)}",
+        selected=law is entry.law,
+        n_parameters=law.degree + 1,
+        n_data=r.size,
+        rms_residual=float(np.sqrt(np.mean(left**2))),
+        chi2_reduced=law.chi2 / law.dof if law.dof else None,
+        bic=candidate.bic,
+        aicc=candidate.aicc,
+        description="passes" if law.passes else "rejected by chi-square (99 %)",
+    )
+
+
+def published_of(solutions: Sequence[Solution]) -> list[Published]:
+    """Return the paper's claim about frequency beside what was found."""
+    rows = []
+    for solution in solutions:
+        for name in ("kxx", "kyy"):
+            entry = solution.coefficients.get(name)
+            if entry is None or entry.law is None or not solution.pool.shaft:
+                continue
+            values = entry.law.at(solution.tones / solution.pool.shaft - 1)[0]
+            change = float(np.ptp(values) / abs(np.mean(values)))
+            rows.append(
+                Published(
+                    name=f"change of {name} with frequency, {label_of(solution.pool.at)}",
+                    published="nearly independent",
+                    found=change,
+                    unit="%",
+                    where="section 2",
+                    agrees=change < 0.1,
+                    remark=f"between {solution.tones.min():g} and {solution.tones.max():g} Hz, law of degree {entry.law.degree}",
+                )
+            )
+    return rows
+
+
+def arrays_of(solutions: Sequence[Solution], products: Sequence[Sequence[Products]]) -> dict[str, Any]:
+    """Return the tables that the report draws: coefficients, laws, synchronous values, tones, blocks and more."""
+    tables: dict[str, list[dict[str, Any]]] = {
+        name: []
+        for name in ("coefficients", "laws", "synchronous", "tones", "blocks", "products", "shares", "added_mass")
+    }
+    for solution, lines in zip(solutions, products, strict=True):
+        here = {"point": label_of(solution.pool.at), "shaft": solution.pool.shaft or np.nan}
+        _coefficient_rows(solution, here, tables)
+        _tone_rows(solution, here, tables)
+        for line in lines:
+            for f, amplitude, noise in zip(line.frequency, line.amplitude, line.noise, strict=True):
+                tables["products"].append(
+                    {**here, "excitation": line.kind, "frequency": f, "amplitude": amplitude, "noise": noise}
+                )
+            tables["shares"].append(
+                {**here, "excitation": line.kind, "share": line.share, "std_error": line.share_error}
+            )
+    return {name: pd.DataFrame(rows) for name, rows in tables.items() if rows}
+
+
+def _coefficient_rows(solution: Solution, here: dict[str, Any], tables: dict[str, list[dict[str, Any]]]) -> None:
+    gain, shaft = gain_error(solution.pool.members), solution.pool.shaft
+    for entry in solution.coefficients.values():
+        half = np.array([t_quantile(float(dof)) for dof in entry.dof]) * entry.std_error
+        for k, tone in enumerate(solution.tones):
+            value = float(entry.value[k])
+            tables["coefficients"].append(
+                {**here, "name": entry.name, "frequency": tone, "value": value, "std_error": entry.std_error[k]}
+                | {"low": value - half[k], "high": value + half[k], "dof": entry.dof[k]}
+                | {"type_b_gain": np.nan if gain is None else gain * abs(value), "type_b_inertia": entry.inertia[k]}
+            )
+        if not shaft or entry.law is None:
+            continue
+        f = np.linspace(min(solution.tones.min(), shaft), max(solution.tones.max(), shaft), _CURVE)
+        for law in entry.laws:
+            values = law.at(f / shaft - 1)[0]
+            tables["laws"] += [
+                {
+                    **here,
+                    "name": entry.name,
+                    "degree": law.degree,
+                    "frequency": x,
+                    "value": y,
+                    "taken": law is entry.law,
+                }
+                for x, y in zip(f, values, strict=True)
+            ]
+        parameter = _synchronous(solution, entry.name)
+        low, high = parameter.ci95 or (np.nan, np.nan)
+        tables["synchronous"].append(
+            {
+                **here,
+                "name": entry.name,
+                "value": parameter.value,
+                "std_error": parameter.std_error,
+                "low": low,
+                "high": high,
+            }
+            | {"degree": entry.law.degree, "chi2": entry.law.chi2, "dof": entry.law.dof, "passes": entry.law.passes}
+            | {"type_b_gain": None if gain is None or parameter.value is None else gain * abs(parameter.value)}
+            | {"type_b_inertia": float(np.interp(shaft, solution.tones, entry.inertia))}
+        )
+    for axes, (mass, error, stiffness) in solution.added_mass.items():
+        tables["added_mass"].append({**here, "axes": axes, "mass": mass, "std_error": error, "stiffness": stiffness})
+
+
+def _tone_rows(solution: Solution, here: dict[str, Any], tables: dict[str, list[dict[str, Any]]]) -> None:
+    kinds = [kind.replace("_", " ") for kind in solution.pool.kinds]
+    if solution.result is not None:
+        for k, tone in enumerate(solution.tones):
+            row = {**here, "frequency": tone, "used": True, "reason": "", "condition": solution.result.condition[k]}
+            row |= {f"snr_{m + 1}": solution.snr[k, m] for m in range(len(kinds))}
+            tables["tones"].append(row)
+    for tone, reason in sorted(solution.pool.dropped.items()):
+        tables["tones"].append({**here, "frequency": tone, "used": False, "reason": reason, "condition": np.nan})
+    for record in solution.pool.records:
+        for start, kind, used in zip(record.start, record.kinds, record.usable, strict=True):
+            tables["blocks"].append(
+                {
+                    **here,
+                    "run": record.run,
+                    "start": start,
+                    "length": record.block.length,
+                    "excitation": kind,
+                    "used": bool(used),
+                }
+            )

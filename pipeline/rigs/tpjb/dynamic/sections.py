@@ -1,0 +1,227 @@
+"""What the report of `tpjb.dynamic` shows, drawn from parameters and arrays only (tpjb.md section 7, T2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import (
+    Axis,
+    Cell,
+    Column,
+    Figure,
+    Line,
+    Mark,
+    Panel,
+    Points,
+    Rule,
+    Section,
+    Table,
+    Text,
+    Value,
+)
+from pipeline.rigs.tpjb.dynamic.sections_evidence import evidence
+
+_FREQUENCY = Axis("frequency", "Hz")
+_AXES = ("xx", "xy", "yx", "yy")
+_WHAT = {"k": ("stiffness", "N/m"), "c": ("damping", "N s/m")}
+
+
+def sections(findings: Findings) -> Sequence[Section]:
+    """Return the chapters that the findings have something for."""
+    arrays = findings.arrays
+    chapters = []
+    if "coefficients" in arrays:
+        points = list(arrays["coefficients"]["point"].unique())
+        for number, point in enumerate(points):
+            chapters.append(
+                Section(f"coefficients_{number}", f"Stiffness and damping, {point}", _of_point(findings, point, number))
+            )
+        if len(points) > 1:
+            chapters.append(Section("loads", "All operating points", [_against_load(arrays)]))
+    chapters.append(Section("evidence", "How well the excitation tells them", evidence(findings)))
+    return [chapter for chapter in chapters if chapter.blocks]
+
+
+def _of_point(findings: Findings, point: str, number: int) -> list[Figure | Table | Text]:
+    tables = {name: table[table["point"] == point] for name, table in findings.arrays.items() if "point" in table}
+    blocks: list[Figure | Table | Text] = [_figure(tables, point, letter, number) for letter in "kc"]
+    if "synchronous" in tables and len(tables["synchronous"]):
+        blocks.append(_synchronous(tables["synchronous"], number))
+    blocks.append(_tone_table(tables["coefficients"], number))
+    if "added_mass" in tables and len(tables["added_mass"]):
+        blocks.append(_added_mass(tables["added_mass"], number))
+    return blocks
+
+
+def _figure(tables: dict[str, pd.DataFrame], point: str, letter: str, number: int) -> Figure:
+    what, unit = _WHAT[letter]
+    panels = []
+    for axes in _AXES:
+        name = letter + axes
+        part = tables["coefficients"][tables["coefficients"]["name"] == name]
+        marks: list[Mark] = [
+            Points(part["frequency"].to_numpy(), part["value"].to_numpy(), "measured", "measured, 95 %", *_limits(part))
+        ]
+        if "laws" in tables:
+            marks += _laws(tables["laws"][tables["laws"]["name"] == name])
+        if "synchronous" in tables:
+            here = tables["synchronous"][tables["synchronous"]["name"] == name]
+            marks += _at_shaft(here)
+        panels.append(Panel(marks, _FREQUENCY, Axis(f"{letter}_{axes}", unit), f"{letter}_{axes}"))
+    return Figure(
+        f"{what}_{number}",
+        f"{what.capitalize()} over frequency",
+        f"Does {what} change with frequency, and what is it at shaft speed? Each tone with its 95 % interval (type A), constant, "
+        "line and parabola, of which the drawn-through one is the lowest that chi-square lets pass, and the synchronous value where "
+        f"the shaft's frequency is marked. {point}.",
+        f"four panels, {what} xx, xy, yx, yy against frequency with error bars and fitted curves",
+        panels,
+        columns=2,
+        share_x=True,
+    )
+
+
+def _limits(part: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+    return part["low"].to_numpy(float), part["high"].to_numpy(float)
+
+
+def _laws(table: pd.DataFrame) -> list[Mark]:
+    lines: list[Mark] = []
+    for degree in sorted(table["degree"].unique()):
+        part = table[table["degree"] == degree]
+        taken = bool(part["taken"].iloc[0])
+        label = f"degree {int(degree)}"
+        x, y = part["frequency"].to_numpy(), part["value"].to_numpy()
+        lines.append(
+            Line(x, y, "model" if taken else "reference", label + (", taken" if taken else ""), dashed=not taken)
+        )
+    return lines
+
+
+def _at_shaft(here: pd.DataFrame) -> list[Mark]:
+    if here.empty:
+        return []
+    row = here.iloc[0]
+    marks: list[Mark] = [Rule(x=float(row["shaft"]), label="shaft")]
+    if pd.notna(row["value"]):
+        x, y = np.array([row["shaft"]], dtype=float), np.array([row["value"]], dtype=float)
+        marks.append(Points(x, y, "fault", "synchronous", *_limits(here)))
+    return marks
+
+
+def _value(row: pd.Series) -> Value:
+    if pd.isna(row["value"]):
+        return Value(None, note="not told")
+    return Value(float(row["value"]), float(row["std_error"]), (float(row["low"]), float(row["high"])))
+
+
+def _synchronous(table: pd.DataFrame, number: int) -> Table:
+    rows: list[list[Cell]] = []
+    for _, row in table.iterrows():
+        relative = (
+            abs(float(row["std_error"]) / float(row["value"])) if pd.notna(row["value"]) and row["value"] else None
+        )
+        gain, inertia = (None if pd.isna(row[c]) else float(row[c]) for c in ("type_b_gain", "type_b_inertia"))
+        share = None if gain is None or pd.isna(row["value"]) else abs(gain / float(row["value"]))
+        judged = f"{row['chi2']:.3g}/{int(row['dof'])}" + ("" if row["passes"] else " rejected")
+        unit = "N/m" if row["name"][0] == "k" else "N s/m"
+        by_inertia = (
+            None if inertia is None or not row["value"] or pd.isna(row["value"]) else abs(inertia / float(row["value"]))
+        )
+        rows.append(
+            [str(row["name"]), _reading(row, unit), unit, relative, share, by_inertia, int(row["degree"]), judged]
+        )
+    return Table(
+        f"synchronous_{number}",
+        "Synchronous coefficients",
+        "Interpolated to the shaft's frequency. Type A is the scatter of the blocks; type B by gains scales all coefficients alike "
+        "and is not in the interval; type B by inertia is what the error of the stator's mass and stiffness does.",
+        [
+            Column("coefficient"),
+            Column("value with 95 % interval"),
+            Column("unit"),
+            Column("type A", "%"),
+            Column("type B, gains", "%"),
+            Column("type B, inertia", "%"),
+            Column("degree"),
+            Column("chi-square/dof"),
+        ],
+        rows,
+    )
+
+
+def _reading(row: pd.Series, unit: str) -> str:
+    if pd.isna(row["value"]):
+        return "not told"
+    scale, prefix = (1e-6, "M") if unit == "N/m" else (1e-3, "k")
+    value, half = float(row["value"]) * scale, (float(row["high"]) - float(row["low"])) / 2 * scale
+    digits = max(0, 1 - int(np.floor(np.log10(half)))) if half > 0 else 3
+    return f"{value:.{digits}f} ± {half:.{digits}f} {prefix}{unit}"
+
+
+def _tone_table(table: pd.DataFrame, number: int) -> Table:
+    names = [letter + axes for letter in "kc" for axes in _AXES]
+    rows: list[list[Cell]] = []
+    for frequency in sorted(table["frequency"].unique()):
+        part = table[table["frequency"] == frequency]
+        cells = {row["name"]: _value(row) for _, row in part.iterrows()}
+        rows.append([float(frequency), *(cells[name] for name in names)])
+    units = {"k": "N/m", "c": "N s/m"}
+    return Table(
+        f"tones_{number}",
+        "Coefficients at each tone",
+        "Real part of H, and imaginary part over w; type A.",
+        [Column("frequency", "Hz"), *(Column(name, units[name[0]]) for name in names)],
+        rows,
+    )
+
+
+def _added_mass(table: pd.DataFrame, number: int) -> Table:
+    rows: list[list[Cell]] = [
+        [str(r["axes"]), Value(float(r["stiffness"])), Value(float(r["mass"]), float(r["std_error"]))]
+        for _, r in table.iterrows()
+    ]
+    return Table(
+        f"added_mass_{number}",
+        "The same with an added mass (KCM)",
+        "Re H = K - w² M. An M of about plus or minus the stator's mass would say that its inertia was not, or twice, taken off; equal "
+        "M/C in all directions would say that the displacement is late by that time.",
+        [Column("entry"), Column("K", "N/m"), Column("M", "kg")],
+        rows,
+    )
+
+
+def _against_load(arrays: dict[str, pd.DataFrame]) -> Figure:
+    table = arrays["synchronous"] if "synchronous" in arrays else arrays["coefficients"].iloc[:0]
+    points = list(table["point"].unique())
+    panels = []
+    for letter in "kc":
+        marks: list[Mark] = []
+        for number, axes in enumerate(_AXES):
+            part = table[table["name"] == letter + axes]
+            x = np.array([points.index(p) for p in part["point"]], dtype=float)
+            marks.append(
+                Points(
+                    x + 0.06 * (number - 1.5), part["value"].to_numpy(float), number, f"{letter}_{axes}", *_limits(part)
+                )
+            )
+        panels.append(
+            Panel(
+                marks,
+                Axis("operating point, in the order of the chapters", whole=True),
+                Axis(_WHAT[letter][0], _WHAT[letter][1]),
+            )
+        )
+    listed = "; ".join(f"{i}: {p}" for i, p in enumerate(points))
+    return Figure(
+        "loads",
+        "Synchronous coefficients of all operating points",
+        f"How do the coefficients change from one operating point to the next? {listed}.",
+        "synchronous stiffness and damping by operating point",
+        panels,
+        columns=2,
+    )
