@@ -46,6 +46,13 @@ def test_jittered_stamps_and_dropouts_give_the_same_curve():
     assert np.nanmax(np.abs(y - wave(time))) < 5e-3
 
 
+def test_stamps_half_a_step_off_the_grid_cost_no_amplitude():
+    t = np.arange(0, 4, 1 / 300)
+    t[600:] += 0.5 / 300  # as after a lost row
+    smooth = low_pass(t, wave(t, 17.0), 60.0, order=8)
+    assert np.abs(smooth - wave(t, 17.0))[30:-30].max() < 2e-3
+
+
 def test_long_gaps_part_the_record():
     kept = (t < 1.5) | (t > 2.5)
     x = np.where(t < 2, wave(t), 100 + wave(t))  # a jump in the gap must not ring on either side

@@ -44,9 +44,9 @@ def _frequencies(runs: SortedRuns) -> str:
     together = len(ratios) >= _SEVERAL and len(labels) > 1 and len(alike) >= _MOST_RUNS * len(ratios)
     if together and abs(middle - 1) > _TOGETHER_APART:
         doubt = (
-            f"{len(alike)} of {len(ratios)} runs are {middle:.4g} times as fast as their labels say, at all frequencies alike: a "
+            f"{len(alike)} of {len(ratios)} runs are {middle:.3g} times as fast as their labels say, at all frequencies alike: a "
             f"wrong time base (sample rate). If the labels are right, damping coefficients, relaxation time and lag come out "
-            f"{1 / middle:.4g} times as large as they are; stiffness does not depend on it. Mend the time base, or the labels."
+            f"{1 / middle:.3g} times as large as they are; stiffness does not depend on it. Mend the time base, or the labels."
         )
         runs.say("warning", None, doubt, "displacement")
         return doubt

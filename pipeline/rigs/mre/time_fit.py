@@ -28,7 +28,7 @@ __all__ = ["Record", "TimeFit", "TimeOptions", "fit_records"]
 _SEARCH_ROWS = 6000  # rows of the livelier part on which the starts are tried
 # Where the best start misses this share of the force on the livelier part, no search over the whole record makes
 # a description of it: a rough one shows by how much it fails.
-_HOPELESS, _ROUGH, _FEW = 0.3, 1e-3, 12
+_HOPELESS, _ROUGH, _FEW = 0.3, 1e-3, 4
 _EVALUATIONS = 60  # of a start; those that get anywhere take a dozen
 
 
