@@ -61,6 +61,7 @@ class ChannelEntry(_Entry):
     offset: Factor = 0.0
     table: str | None = None
     rate: Scalar = None
+    stamp: Literal["first", "last"] | None = None
 
     @field_validator("scale")
     @classmethod
@@ -229,4 +230,5 @@ def _channel_map(name: str, entry: ChannelEntry, experiment: Experiment, where: 
         offset=entry.offset,
         table=entry.table,
         rate=rate,
+        stamp=entry.stamp,
     )

@@ -26,7 +26,7 @@ class ChannelMap:
     The logged number x stands for ``sign * (scale * x + offset)`` in `unit`. Without `channel` the
     canonical name is looked for, without `unit` the one that the log declares counts. `table` is the
     topic, file or table, needed where several hold that name. `rate` (Hz) is for ``time`` only: the
-    samples are counted.
+    samples are counted; so is `stamp`: which sample of a block under one stamp that is, ``first`` or ``last``.
     """
 
     channel: str | None = None
@@ -36,6 +36,7 @@ class ChannelMap:
     offset: float = 0.0
     table: str | None = None
     rate: float | None = None
+    stamp: str | None = None
 
 
 @dataclass(frozen=True)

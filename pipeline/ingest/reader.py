@@ -34,6 +34,8 @@ class RawTable(ABC):
 
     `name` is the topic or table, '' where a file has only one. `time_channel` names the channel
     that the format itself says is time (MCAP's log time); None where a name must tell.
+    `block_stamp` tells, where a block of samples has one stamp only, which of its samples that is: ``first`` is assumed,
+    and may be set to ``last`` before reading; None where every row has its own.
     `absolute_start` is set where times were absolute: ISO 8601 text of second zero of the time channel.
     """
 
@@ -41,6 +43,7 @@ class RawTable(ABC):
     channels: Sequence[RawChannel]
     time_channel: str | None = None
     absolute_start: str | None = None
+    block_stamp: str | None = None
 
     @abstractmethod
     def blocks(self, names: Sequence[str] | None = None) -> Iterator[dict[str, np.ndarray]]:

@@ -164,6 +164,8 @@ def find_times(sources: Sequence[Source], entry: ChannelMap | None) -> list[Time
 
 def _find_time(source: Source, entry: ChannelMap) -> TimeSource:
     channels = source.table.channels
+    if entry.stamp is not None and source.table.block_stamp is not None:
+        source.table.block_stamp = entry.stamp
     if entry.rate is not None:
         return TimeSource(None, rate=entry.rate)
     if entry.channel is not None:

@@ -37,7 +37,7 @@ class McapReader(Reader):
     """Reads MCAP files of format version 0."""
 
     name = "mcap"
-    version = 1
+    version = 2
     suffixes = (".mcap",)
 
     def recognises(self, head: bytes, suffix: str) -> bool:

@@ -36,6 +36,7 @@ class TopicTable(RawTable):
         taken = {field.name for field in plan.fields}
         self._time = next(name for name in ("log_time", "mcap.log_time", "mcap..log_time") if name not in taken)
         self.time_channel = self._time if clock else None
+        self.block_stamp = "first" if clock and plan.has_blocks and plan.times is None else None
         self.channels = (
             *([RawChannel(self._time, "s")] if clock else []),
             *(RawChannel(field.name, topic.declared.unit(field), field.is_text) for field in plan.fields),
@@ -145,6 +146,8 @@ class TopicTable(RawTable):
         if self._plan.times is None:
             plain = self._plan.step is not None and self._topic.declared.unit(self._plan.step) in (None, "Hz", "s")
             step = declared_step(self._plan, columns) if plain else None
+            if self.block_stamp == "last":
+                return self._sample_clock.from_last_stamps(stamps, counts, step)
             return self._sample_clock.from_stamps(stamps, counts, following, step)
         carried = Field(channel_name(self._plan.times), (self._plan.times,), is_sample=True)
         values, _ = cols.numbers(values_of(carried, columns, counts, stamps.size))
@@ -168,7 +171,23 @@ class TopicTable(RawTable):
         """Return what was noticed in the last pass; see `RawTable.notes`."""
         told = list(self._tally.told(self._clock is not None, self._plan.has_blocks, self._sample_clock.gaps))
         notes = [QualityFinding(level, f"topic '{self.name}': {text}") for level, text in told]
+        if self.block_stamp is not None and self._sample_clock.longest > 0:
+            notes.append(self._said_stamp())
         return [*notes, *loss_notes(self._messages, self._zero, self._told_before)]
+
+    def _said_stamp(self) -> QualityFinding:
+        clock, is_first = self._sample_clock, self.block_stamp == "first"
+        other = "last" if is_first else "first"
+        text = (
+            f"topic '{self.name}': a message holds a block of samples under one stamp, taken as that of the "
+            f"{self.block_stamp} sample. Were it the {other}'s, all of them would be {clock.longest:.4g} s (one block) too "
+            f"{'late' if is_first else 'early'} against other topics and files; say so in the recipe then, under "
+            f"'channels': `time: {{stamp: {other}}}`."
+        )
+        if is_first and clock.for_last > 3 * clock.for_first:
+            text += f" Blocks of different length speak for that: the {other} sample's, in {clock.for_last} places."
+            return QualityFinding("warning", text)
+        return QualityFinding("note", text)
 
 
 def _second(stamp: Field) -> Field:
