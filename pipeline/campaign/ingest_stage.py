@@ -238,13 +238,7 @@ def _damaged(folder: Path, files: Mapping[str, str]) -> list[str]:
 
 def _campaign_notes(recipe: Recipe, runs: Sequence[RunFiles], table: RunsTable | None) -> list[QualityFinding]:
     names = {entry.run: [path.name for _, path in entry.files] for entry in runs}
-    notes = list(table.notes) if table else []
-    if table and (unknown := table.unknown(names)):
-        notes.append(
-            QualityFinding(
-                "warning", f"{table.path}: no log for {listing(unknown)}; the runs here are {listing(names)}."
-            )
-        )
+    notes = table.remarks(names) if table else []
     for run, reason in recipe.exclude.items():
         if run in names:
             notes.append(QualityFinding("note", f"left out by the recipe: {reason}", run))

@@ -40,6 +40,13 @@ class RunsTable:
         names = {*runs, *(name for files in runs.values() for name in files)}
         return [f"'{name}'{_instead(name, runs)}" for name in sorted(self.rows) if name not in names]
 
+    def remarks(self, runs: Mapping[str, Sequence[str]]) -> list[QualityFinding]:
+        """Return what is odd about the table beside `runs` (name -> its files' names)."""
+        if not (unknown := self.unknown(runs)):
+            return list(self.notes)
+        message = f"{self.path}: no log for {listing(unknown)}; the runs here are {listing(runs)}."
+        return [*self.notes, QualityFinding("warning", message)]
+
 
 def _instead(name: str, runs: Iterable[str]) -> str:
     hint = nearest(Path(name).stem, runs) or nearest(name, runs)

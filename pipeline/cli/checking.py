@@ -40,7 +40,11 @@ def show(
             )
         table = runs_table.read(runs_path, recipe.experiment, str(runs_path))
     status = 0
-    for number, run in enumerate(logs.runs_of(logs.as_given(paths))):
+    runs = logs.runs_of(logs.as_given(paths))
+    if table is not None:
+        for remark in table.remarks({run.run: [path.name for _, path in run.files] for run in runs}):
+            click.echo(f"{remark.level}: {remark.message}")
+    for number, run in enumerate(runs):
         if number:
             click.echo()
         try:

@@ -70,6 +70,10 @@ def test_check_takes_conditions_from_the_same_table_as_run(tmp_path: Path, rigfi
     answer = rigfit("check", "-e", "spring.pull", "--runs", tmp_path / "runs.csv", log)
     assert answer.status == 0
     assert "wire_diameter: 0.0015 m (from runs.csv)" in answer.out
+    (tmp_path / "runs.csv").write_text("run,wire_diameter [mm],wire_diametre [mm]\npull,1.5,2\npul,1,2\n")
+    said = rigfit("check", "-e", "spring.pull", "--runs", tmp_path / "runs.csv", log).out
+    assert "Did you mean 'wire_diameter'?" in said
+    assert "no log for 'pul' (Did you mean 'pull'?)" in said
 
 
 def test_an_ad_hoc_run_of_one_log_bears_its_name(tmp_path: Path, rigfit: Call) -> None:
