@@ -8,7 +8,6 @@ told by `model_fit`; competing models are weighed in `selection`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -23,6 +22,8 @@ from pipeline.rigs.tpjb.rotating.orbit import Orbit
 _OUTER = 6
 # A wrong model creeps along its valley; its last digits are not worth more.
 _MOST_EVALUATIONS = 60
+# Nor are its weights and true forces worth more than two passes, above this chi-square per degree of freedom.
+_HOPELESS = 10.0
 
 
 class Law(Protocol):
@@ -80,6 +81,7 @@ class _Run:
         self.force = orbit.force
         self.shift = np.zeros_like(orbit.force)
         self.near: np.ndarray | None = None
+        self.last: tuple[np.ndarray, np.ndarray] | None = None
         self.nuisance = np.stack([np.ones(orbit.tau.size), orbit.tau, orbit.tau**2 - 1 / 3], axis=1)
 
     def relinearise(self, theta: np.ndarray) -> None:
@@ -99,15 +101,18 @@ class _Run:
         self.shift = np.einsum("ijn,jn->in", compliance, self.orbit.force - self.force)
         left = self.project(self.weigh(self.orbit.displacement - d - self.shift)).reshape(-1, 2)
         back = np.einsum("nji,nj->in", self.whiten, left)
-        self.force = self.orbit.force + self.noise.force**2 * np.einsum("jin,jn->in", compliance, back)
-        self.near = self.law.displacement(theta, self.force, d)
-        if np.isnan(self.near).any():
-            self.force, self.near = self.orbit.force, d
-        _, compliance = self.law.slopes(theta, self.near, self.force)
+        moved = self.orbit.force + self.noise.force**2 * np.einsum("jin,jn->in", compliance, back)
+        near = self.law.displacement(theta, moved, d)
+        if np.isfinite(near).all():  # else the true force would lie past the fold: it stays where it was
+            self.force, self.near, self.last = moved, near, None
+            _, compliance = self.law.slopes(theta, near, moved)
         self.shift = np.einsum("ijn,jn->in", compliance, self.orbit.force - self.force)
 
     def displacement(self, theta: np.ndarray) -> np.ndarray:
-        return self.law.displacement(theta, self.force, self.near)
+        """Return the law's displacement under the true forces; the last one is kept for the Jacobian."""
+        if self.last is None or not np.array_equal(self.last[0], theta):
+            self.last = (theta.copy(), self.law.displacement(theta, self.force, self.near))
+        return self.last[1]
 
     def weigh(self, rows: np.ndarray) -> np.ndarray:
         """Whiten (2, n) or (2, k, n) to (2 n,) or (2 n, k)."""
@@ -127,8 +132,11 @@ class _Run:
         return self.project(self.weigh(slopes))
 
     def path(self, theta: np.ndarray) -> Path:
-        """Return the run with its offset and drift, the law under the force as measured."""
-        d = self.law.displacement(theta, self.orbit.force, self.near)
+        """Return the run with its offset and drift, the law under the force as measured.
+
+        From the true forces by the slope there: the measured one may lie past the fold by its noise.
+        """
+        d = self.displacement(theta) + self.shift
         left = self.orbit.displacement - d
         level = np.linalg.solve(self.triangle, self.basis.T @ self.weigh(left)).reshape(2, 3)
         residual = left - level @ self.nuisance.T
@@ -181,7 +189,7 @@ def solve(
 
     low, high = (bound / scale for bound in bounds)
     theta = np.clip(start / scale, low, high)
-    for _ in range(_OUTER):
+    for turn in range(_OUTER):
         for run in runs:
             run.relinearise(theta * scale)
         found = fit(
@@ -192,8 +200,9 @@ def solve(
             max_evaluations=_MOST_EVALUATIONS,
         )
         before, theta = theta, np.array([found.values[name] for name in law.free])
-        spread = np.nan_to_num(found.covariance.std_error, nan=np.inf) * math.sqrt(max(found.chi2 / found.dof, 1.0))
-        if np.all(np.abs(theta - before) < 0.02 * spread):
+        spread = np.nan_to_num(found.covariance.std_error, nan=np.inf)
+        hopeless = turn > 0 and found.chi2 > _HOPELESS * found.dof
+        if hopeless or np.all(np.abs(theta - before) < 0.02 * spread):
             break
     ends = np.cumsum([0, *(2 * run.orbit.time.size for run in runs)])
     rows = tuple(slice(a, b) for a, b in pairwise(ends.tolist()))

@@ -42,13 +42,11 @@ def force_domain(orbit: Orbit, model: Model) -> np.ndarray:
     return np.asarray(np.linalg.lstsq(model.matrix / law.SCALE[:, None], centred / law.SCALE, rcond=None)[0])
 
 
-def start_of(orbits: Sequence[Orbit], model: Model) -> np.ndarray:
+def below_fold(orbits: Sequence[Orbit], model: Model, theta: np.ndarray) -> np.ndarray:
     """Return coefficients, shape (k,), with which every run has an equilibrium throughout.
 
-    From the run of the largest load; its quadratic terms are halved until no sample is past the fold.
+    Quadratic terms are halved until no sample is past the fold.
     """
-    largest = max(orbits, key=lambda orbit: orbit.rotation.size)
-    theta = force_domain(largest, model)
     quadratic = model.scale == law.SCALE[-1]
     for _ in range(12):
         if all(np.isfinite(model.displacement(theta, orbit.force)).all() for orbit in orbits):

@@ -94,7 +94,8 @@ def equilibrium(p: np.ndarray, f: np.ndarray, near: np.ndarray | None = None) ->
         Force, x and y, shape (2, ...), N.
     near
         Equilibria of about the same coefficients and forces, shape (2, ...): one Newton search from
-        there instead of the path from rest. Samples that it loses are followed from rest.
+        there instead of the path from rest. Samples that it loses are followed from rest
+        in large steps only, for the trials of a search: to be refused close to the fold does no harm there.
 
     Returns
     -------
@@ -115,7 +116,7 @@ def equilibrium(p: np.ndarray, f: np.ndarray, near: np.ndarray | None = None) ->
         d = np.full(flat_f.shape, np.nan)
         if near is not None:
             d = _step(flat_p, flat_f, np.broadcast_to(near, (2, *shape)).reshape(2, -1))
-        for steps in _LOAD_STEPS:
+        for steps in _LOAD_STEPS if near is None else _LOAD_STEPS[:1]:
             lost = np.flatnonzero(np.isnan(d[0]) & np.isfinite(flat_f).all(axis=0))
             if lost.size:
                 d[:, lost] = _path(flat_p if p.ndim == 1 else flat_p[:, lost], flat_f[:, lost], steps)

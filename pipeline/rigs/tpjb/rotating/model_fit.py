@@ -18,7 +18,7 @@ from pipeline.estimation.identifiability import Combination, Identifiability, as
 from pipeline.estimation.uncertainty import Covariance, newey_west
 from pipeline.rigs.tpjb.rotating import law
 from pipeline.rigs.tpjb.rotating.displacement_fit import Law, Path, Solution, solve
-from pipeline.rigs.tpjb.rotating.force_domain import start_of
+from pipeline.rigs.tpjb.rotating.force_domain import below_fold, force_domain
 from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
 from pipeline.rigs.tpjb.rotating.models import Model
 from pipeline.rigs.tpjb.rotating.noise import Noise, low_band, orbit_noise
@@ -210,7 +210,12 @@ class ModelFit(LawFit):
         return ""
 
 
-def fit_model(orbits: Sequence[Orbit], model: Model, noises: Sequence[Noise] | None = None) -> ModelFit:
+def fit_model(
+    orbits: Sequence[Orbit],
+    model: Model,
+    noises: Sequence[Noise] | None = None,
+    start: np.ndarray | None = None,
+) -> ModelFit:
     """Fit a model to all orbits at one static load, coefficients in common.
 
     Parameters
@@ -219,6 +224,8 @@ def fit_model(orbits: Sequence[Orbit], model: Model, noises: Sequence[Noise] | N
         Runs at different load ratios, or one.
     noises
         From `orbit_noise`, one a run; found here if not given.
+    start
+        Free coefficients to start from, shape (k,); by default those of the force domain.
 
     Raises
     ------
@@ -226,7 +233,8 @@ def fit_model(orbits: Sequence[Orbit], model: Model, noises: Sequence[Noise] | N
         If a run has too few samples or no turning load.
     """
     noises = [orbit_noise(orbit) for orbit in orbits] if noises is None else noises
-    start = start_of(orbits, model)
+    if start is None:
+        start = force_domain(max(orbits, key=lambda orbit: orbit.rotation.size), model)
     linear = model.scale == law.SCALE[0]
     stiffest = float(np.abs(start[linear]).max())
     # One axis alone folds at eta = 4 k2 F/k^2 = 1; mixed terms may be sqrt 2 times as large.
@@ -236,6 +244,7 @@ def fit_model(orbits: Sequence[Orbit], model: Model, noises: Sequence[Noise] | N
     direct = np.array([name[1] == name[2] and len(name) == 3 for name in model.free])
     low[direct & (start > 0)] = min(_SOFTEST, 0.01 * stiffest)
     high[direct & (start < 0)] = -min(_SOFTEST, 0.01 * stiffest)
+    start = below_fold(orbits, model, np.clip(start, low, high))
     solution = solve(orbits, noises, model, start, (low, high))
     covariance, low_sigma = _covariance(solution, model, orbits)
     return ModelFit(
