@@ -66,7 +66,11 @@ def key_parameters(findings: Findings, experiment: Experiment) -> list[list[Para
 
     Where none of them was looked for, as in a test that is only half of one, the first others stand in.
     """
-    found = [findings.find(spec.name) for spec in experiment.parameters if spec.key]
+    found = [
+        [p for p in findings.find(spec.name) if not spec.key_at or spec.key_at in p.at]
+        for spec in experiment.parameters
+        if spec.key
+    ]
     others = [findings.find(spec.name) for spec in experiment.parameters if not spec.key]
     return [parameters for parameters in found if parameters] or [one for one in others if one][:_MOST_STAND_INS]
 

@@ -104,7 +104,8 @@ class ConditionSpec:
 class ParameterSpec:
     """A name that may stand in the findings: symbol (LaTeX), SI unit, meaning, equation.
 
-    `key` marks the few that stand on top of the report.
+    `key` marks the few that stand on top of the report; with `key_at` only those whose operating
+    point has that entry do.
     """
 
     name: str
@@ -113,6 +114,7 @@ class ParameterSpec:
     description: str
     source: str = ""
     key: bool = False
+    key_at: str = ""
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ from pipeline.rigs.tpjb.bump.levels import Blocks
 _ROUNDS = 4
 # Noise of the force, in standard deviations, that may not change which sides are pressed.
 _MARGIN = 3.0
+# That margin at most, as a share of the smallest force.
+_MOST_MARGIN = 0.05
 # Whitened residual of a block beyond which it is an outlier, per root of its number of axes.
 _OUTLIER = 4.0
 # Where a side is put that is never touched, m.
@@ -85,13 +87,14 @@ def fit_contact(blocks: Blocks, start: Mapping[int, Bearing], absent: Collection
     outliers = np.zeros(blocks.time.size, dtype=bool)
     for number in range(_ROUNDS):
         rests = {p: rest(blocks.force, bearing) for p, bearing in bearings.items()}
-        kept = _steady(blocks, bearings, _MARGIN * force_noise) & ~outliers
+        margin = min(_MARGIN * force_noise, _MOST_MARGIN * min(blocks.levels))
+        kept = _steady(blocks, bearings, margin) & ~outliers
         whiten = _whitening({p: r.compliance[kept] for p, r in rests.items()}, motion_noise, force_noise)
         pressed = {p: r.number[kept] for p, r in rests.items()}
         fitted = _fit(blocks.at(kept), bearings, pressed, whiten, absent)
         bearings = {p: _bearing(fitted.values, p, bearing) for p, bearing in bearings.items()}
         rests = {p: rest(blocks.force, bearing) for p, bearing in bearings.items()}
-        steady = _steady(blocks, bearings, _MARGIN * force_noise)
+        steady = _steady(blocks, bearings, margin)
         motion_noise, force_noise = _noises(blocks, rests, bearings, steady & ~outliers, motion_noise, force_noise)
         if number < _ROUNDS - 1:
             outliers = steady & _odd(blocks, rests, motion_noise, force_noise)
@@ -130,6 +133,8 @@ def first_guess(
         rise = levels[high] - levels[low]
         k_p = rise / growth if growth > 1e-9 and rise > 0 else 1e9
         k_s, neutral = _support(blocks, plane, top, there) or (1e-3 * k_p, top.centre)
+        if absent:  # what keeps the stator off a side pulls more than the turning force does
+            neutral = neutral - 1.5 * levels[high] / k_s * top.normals[list(absent)].mean(axis=0)
         guesses[plane] = Bearing(
             top.pad_angles, top.rotation, top.sides - levels[high] / k_p, neutral, k_p, min(k_s, 0.3 * k_p)
         )

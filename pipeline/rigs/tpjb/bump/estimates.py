@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -20,8 +21,11 @@ _SPECS = {spec.name: spec for spec in PARAMETERS}
 _VAGUE = 0.3
 
 
-def parameters_of(fit: BearingFit, at: At) -> list[Parameter]:
-    """Return all parameters of one bearing; `at` names it where a campaign holds several."""
+def parameters_of(fit: BearingFit, at: At, condemned: str = "") -> list[Parameter]:
+    """Return all parameters of one bearing; `at` names it where a campaign holds several.
+
+    `condemned` says why none of them means anything; they are all undetermined then.
+    """
     typeb = _type_b(fit, "sensor_gain_u")
     one_level = "; from one force level: that k_p holds at other forces is not checked" if _levels(fit) < 2 else ""
     method = (
@@ -34,7 +38,7 @@ def parameters_of(fit: BearingFit, at: At) -> list[Parameter]:
         *_tilts(fit, at),
         *_stiffnesses(fit, at, _type_b(fit, "sensor_gain_u", "force_gain_u") + one_level),
     ]
-    return [_parameter(e, method) for e in found]
+    return [_parameter(undetermined(e.name, condemned, e.at) if condemned else e, method) for e in found]
 
 
 def _parameter(e: Estimate, method: str) -> Parameter:
@@ -75,60 +79,71 @@ def _number(value: float | str | bool | None) -> float:
 
 def _per_plane(fit: BearingFit, at: At, typeb: str) -> list[Estimate]:
     found: list[Estimate] = []
-    unpaired = {int(name[-1]) for record in fit.records for name in record.probes.unpaired}
-    normalised = "normalised so that sum c_i n_i = 0; single side distances trade with the centre"
     for plane, polygon in fit.top.items():
         here = {**at, "plane": float(plane)}
-        weights = centre_weights(polygon.normals)
-        absent = list(fit.absent)
-        lost = np.abs(weights[:, absent]).max(axis=1, initial=0.0) > 1e-9
-        never = f"side {_sides(fit.absent)} was never touched"
         if fit.contact is None:
-            found += _of_polygon(fit, here, lost, never)
+            names = ("center_x", "center_y", "clearance", "rotation")
+            found += [
+                undetermined(name, f"{fit.reason}: the place of the sides at no force is unknown", here)
+                for name in names
+            ]
             continue
-        values, spread = _derived(fit.contact, plane, fit.n_pads, fit.absent)
+        unknown = _unknown_sides(fit, plane)
+        values, spread = _derived(fit.contact, plane, fit.n_pads, unknown)
         sd, dof = spread.std_error, spread.dof
-        for axis, name in enumerate(("center_x", "center_y")):
-            if lost[axis]:
-                found.append(undetermined(name, f"{never}, so that the polygon is open", here))
-            elif plane in unpaired:
-                reason = (
-                    f"a probe of plane {plane} stands without the opposite one: its zero is its own, the centre in it "
-                    f"would read {1e6 * values[axis]:.4g} um"
-                )
-                found.append(undetermined(name, reason, here))
-            else:
+        weights = centre_weights(polygon.normals)
+        to_sides = np.vstack(
+            [weights, np.eye(fit.n_pads) - polygon.normals @ weights, np.full(fit.n_pads, 1 / fit.n_pads)]
+        )
+        lost = np.abs(to_sides[:, unknown]).max(axis=1, initial=0.0) > 1e-9
+        never = _why(fit, unknown)
+        for row, name, there, remark in _rows(fit.n_pads, here):
+            own_zero = _own_zero(fit, plane) if name.startswith("center") else ""
+            if lost[row]:
+                found.append(undetermined(name, never, there))
+            elif own_zero:
                 found.append(
-                    estimate(name, values[axis], sd[axis], dof=dof, at=here, reason=f"from the probes' zero; {typeb}")
+                    undetermined(name, f"{own_zero}; the centre in it would read {1e6 * values[row]:.4g} um", there)
                 )
-        sides = values[2 : 2 + fit.n_pads]
-        keep = np.eye(fit.n_pads) - polygon.normals @ weights
-        for i, c in enumerate(sides):
-            there = {**here, "side": float(i + 1)}
-            if np.abs(keep[i, absent]).max(initial=0.0) > 1e-9:
-                found.append(undetermined("clearance", never, there))
             else:
-                found.append(
-                    estimate(
-                        "clearance", c, sd[2 + i], dof=dof, at=there, reason=f"at zero force, {normalised}; {typeb}"
-                    )
-                )
-        mean = values[-2]
-        if absent:
-            found.append(undetermined("clearance", f"{never}: no mean over all sides", here))
-        else:
-            found.append(
-                estimate(
-                    "clearance",
-                    mean,
-                    sd[-2],
-                    dof=dof,
-                    at=here,
-                    reason=f"mean of all sides, cold, at zero force; {typeb}",
-                )
-            )
+                told = "; ".join(t for t in (remark, typeb) if t)
+                found.append(estimate(name, values[row], sd[row], dof=dof, at=there, reason=told))
         found.append(estimate("rotation", values[-1], sd[-1], dof=dof, at=here))
     return found
+
+
+def _rows(n_pads: int, here: At) -> Iterator[tuple[int, str, At, str]]:
+    """Yield row of `_derived`, name, operating point and remark of centre, clearances and their mean."""
+    normalised = "at no force, normalised so that sum c_i n_i = 0: single side distances trade with the centre"
+    yield 0, "center_x", here, "from the probes' zero"
+    yield 1, "center_y", here, "from the probes' zero"
+    for i in range(n_pads):
+        yield 2 + i, "clearance", {**here, "side": float(i + 1)}, normalised
+    yield 2 + n_pads, "clearance", here, "mean of all sides, cold assembled, at no force"
+
+
+def _unknown_sides(fit: BearingFit, plane: int) -> list[int]:
+    """Return the sides, from 0, whose place is not determined: never touched, or never left."""
+    assert fit.contact is not None
+    sd = fit.contact.fit.std_error
+    loose = [i for i in range(fit.n_pads) if not math.isfinite(sd.get(f"side_{plane}_{i + 1}", math.inf))]
+    return sorted({*fit.absent, *loose})
+
+
+def _why(fit: BearingFit, unknown: Sequence[int]) -> str:
+    loose = [i for i in unknown if i not in fit.absent]
+    never = f"side {_sides(fit.absent)} was never touched" if fit.absent else ""
+    always = (
+        f"the place of side {_sides(loose)} cannot be told from a constant force, since it was always pressed"
+        if loose
+        else ""
+    )
+    return "; ".join(t for t in (never, always) if t)
+
+
+def _own_zero(fit: BearingFit, plane: int) -> str:
+    alone = [name for r in fit.records for name in r.probes.unpaired if name.endswith(str(plane))]
+    return f"{alone[0]} stands without the opposite probe, so that its zero is its own" if alone else ""
 
 
 def _sides(absent: Sequence[int]) -> str:
@@ -154,13 +169,6 @@ def _derived(contact: ContactFit, plane: int, n_pads: int, absent: Sequence[int]
 
     at = np.array([contact.fit.values[name] for name in names])
     return propagate(derived, at, Covariance(matrix, covariance.dof, covariance.method))
-
-
-def _of_polygon(fit: BearingFit, here: At, lost: np.ndarray, never: str) -> list[Estimate]:
-    """Return what the polygon alone tells where the contact law could not be fitted: no errors."""
-    reason = f"{fit.reason or 'no contact law'}; the clearance at no force and its error are unknown"
-    names = ("center_x", "center_y", "clearance", "rotation")
-    return [undetermined(name, f"{never}; {reason}" if lost.any() else reason, here) for name in names]
 
 
 def _tilts(fit: BearingFit, at: At) -> list[Estimate]:

@@ -22,6 +22,8 @@ _NOMINAL = 4.0
 _UNBALANCED = 0.2
 _FRICTION = 0.005
 _DRIFT = 0.3e-6
+# Residual that counts as misfit, as a share of the deepest indentation.
+_MISFIT = 0.05
 
 
 @dataclass
@@ -50,6 +52,8 @@ class Judgement:
 
 def judge(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> None:
     """Add all doubts about one bearing."""
+    if _units(fit, judgement):
+        return
     _rig(fit, judgement)
     _pads(fit, settings, judgement)
     _levels(fit, settings, judgement)
@@ -57,7 +61,6 @@ def judge(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> None
     if fit.contact is None:
         judgement.doubt(f"The contact law was not fitted: {fit.reason}.")
         return
-    _units(fit, fit.contact, judgement)
     _contact(fit, fit.contact, judgement)
 
 
@@ -132,6 +135,8 @@ def _levels(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> No
 
 
 def _sides(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> None:
+    if fit.blocks.coverage < 0.95:
+        judgement.note(f"The force went through {100 * fit.blocks.coverage:.0f} % of the directions only.")
     if fit.absent:
         pads = ", ".join(f"{i + 1} (pad at {math.degrees(fit.pad_angles[i]):.0f} deg)" for i in fit.absent)
         judgement.doubt(
@@ -149,36 +154,44 @@ def _sides(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> Non
             )
 
 
-def _units(fit: BearingFit, contact: ContactFit, judgement: Judgement) -> None:
-    if fit.absent:
-        return
-    mean = float(np.mean([b.sides.mean() for b in contact.bearings.values()]))
-    told = [r.recording.conditions.get("clearance_nominal") for r in fit.records]
-    nominal = next((float(v) for v in told if isinstance(v, int | float) and v > 0), None)
-    if nominal is not None and not nominal / _NOMINAL < mean < nominal * _NOMINAL:
-        judgement.doubt(
-            f"The mean clearance {1e6 * mean:.4g} um is {mean / nominal:.3g} times the nominal {1e6 * nominal:.4g} um: check the "
-            "unit of the gap channels (um taken as mm is a factor 1000, mil as um 25.4).",
-            level="rejected",
-        )
-    elif not _CLEARANCES[0] < mean < _CLEARANCES[1]:
-        judgement.doubt(
-            f"The mean clearance {1e6 * mean:.4g} um is not that of a bearing: check the unit of the gap channels.",
-            level="rejected",
-        )
-    k_p = contact.fit.values["k_p"]
+def _units(fit: BearingFit, judgement: Judgement) -> bool:
+    """Tell whether a unit is wrong, and say so: nothing else is worth saying then."""
+    message = wrong_unit(fit)
+    if message:
+        judgement.doubt(message, level="rejected")
+    return bool(message)
+
+
+def wrong_unit(fit: BearingFit) -> str:
+    """Return why a unit of gaps or forces cannot be right; empty where all may be."""
+    if not fit.absent:
+        polygons = list(fit.top.values())
+        mean = float(np.mean([polygon.clearances.mean() for polygon in polygons]))
+        told = [r.recording.conditions.get("clearance_nominal") for r in fit.records]
+        nominal = next((float(v) for v in told if isinstance(v, int | float) and v > 0), None)
+        if nominal is not None and not nominal / _NOMINAL < mean < nominal * _NOMINAL:
+            return (
+                f"The mean clearance {1e6 * mean:.4g} um is {mean / nominal:.3g} times the nominal {1e6 * nominal:.4g} um: "
+                "check the unit of the gap channels (um taken as mm is a factor 1000, mil as um 25.4)."
+            )
+        if nominal is None and not _CLEARANCES[0] < mean < _CLEARANCES[1]:
+            return (
+                f"The mean clearance {1e6 * mean:.4g} um is not that of a bearing: check the unit of the gap channels."
+            )
+    k_p = fit.contact.fit.values["k_p"] if fit.contact is not None else 1e9
     if not _STIFFNESSES[0] < k_p < _STIFFNESSES[1]:
-        judgement.doubt(
-            f"The contact stiffness {k_p:.3g} N/m is outside {_STIFFNESSES[0]:.0e} to {_STIFFNESSES[1]:.0e}: check the units of "
-            "force and gap (kN taken as N is a factor 1000).",
-            level="rejected",
+        return (
+            f"The contact stiffness {k_p:.3g} N/m is outside {_STIFFNESSES[0]:.0e} to {_STIFFNESSES[1]:.0e} N/m: check the "
+            "units of force and gap (kN taken as N is a factor 1000)."
         )
+    return ""
 
 
 def _contact(fit: BearingFit, contact: ContactFit, judgement: Judgement) -> None:
     blocks = fit.blocks
     ratio = contact.motion_noise / max(blocks.motion_noise, 1e-12)
-    if ratio > 4 and contact.motion_noise > 5e-8:
+    deepest = max(blocks.levels) / contact.fit.values["k_p"]
+    if ratio > 4 and contact.motion_noise > _MISFIT * deepest:
         judgement.doubt(
             f"The contact law misses the displacement by {1e6 * contact.motion_noise:.2g} um (rms), {ratio:.2g} times the "
             "noise of the probes: contact stiffness and clearance are averages, the law is not quite that of the bearing."

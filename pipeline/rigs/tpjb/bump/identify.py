@@ -15,7 +15,7 @@ from pipeline.rigs.tpjb.bump.arrays import arrays_of
 from pipeline.rigs.tpjb.bump.bearing_fit import BearingFit, fit_bearing
 from pipeline.rigs.tpjb.bump.declaration import BumpSettings
 from pipeline.rigs.tpjb.bump.estimates import parameters_of
-from pipeline.rigs.tpjb.bump.faults import Judgement, judge
+from pipeline.rigs.tpjb.bump.faults import Judgement, judge, wrong_unit
 from pipeline.rigs.tpjb.bump.record import Record, UnusableError, record_of
 
 
@@ -53,7 +53,7 @@ def identify(recordings: Sequence[Recording], settings: BumpSettings, context: C
         judge(fit, settings, judgement)
     parameters = []
     for bearing, fit in fits.items():
-        parameters += parameters_of(fit, {"bearing": bearing} if len(fits) > 1 else {})
+        parameters += parameters_of(fit, {"bearing": bearing} if len(fits) > 1 else {}, wrong_unit(fit))
     _alignment(parameters, settings, judgement)
     return Findings(
         campaign=context.campaign,

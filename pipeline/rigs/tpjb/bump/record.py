@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.errors import InputError, listing
+from pipeline.errors import InputError, counted, listing
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.tpjb.axes import xy
 from pipeline.rigs.tpjb.bump.levels import Rotation, Samples, rotation_of
-from pipeline.rigs.tpjb.bump.spans import held_still, spans_of, sum_departs
+from pipeline.rigs.tpjb.bump.spans import culprit, held_still, pair_sum, spans_of
 from pipeline.rigs.tpjb.probe_faults import ProbeFaults, covariance_of, probe_faults
 from pipeline.rigs.tpjb.probes import GAPS, Probes, opposite, probes_of
 
@@ -57,20 +57,17 @@ def record_of(recording: Recording) -> Record:
     lost = np.zeros(time.size, dtype=bool)
     rotation = rotation_of(Samples(run, time, np.nan_to_num(xy(*force).T), {}))
     _refuse_static(rotation)
-    least = max(20, round(0.03 / abs(rotation.frequency) / float(np.median(np.diff(time)))))
+    # A turning force never stands still for longer than a fiftieth of a turn.
+    least = max(20, round(0.02 / abs(rotation.frequency) / float(np.median(np.diff(time)))))
     for name, values in zip(("force_u", "force_v"), force, strict=True):
         still = held_still(values, least)
-        _say_span(still, time, values, name, run, findings)
-        lost |= still
+        if still.any():
+            findings += _spans(still, time, name, run, f"stands still at {values[still][0]:.4g} N: clipped or stuck")
+            lost |= still
     faults = _faults(names, gaps[:, ~lost], force[:, ~lost], run)
     findings += faults.findings
     for first, second in _pairs(names, faults.excluded):
-        departs = sum_departs(gaps[first], gaps[second])
-        share = float(departs.mean())
-        if share > 0:
-            worse = _stiller(gaps, first, second, departs)
-            _say_span(departs, time, gaps[worse], names[worse], run, findings, f"{names[first]} + {names[second]}")
-            lost |= departs
+        lost |= _mend(gaps, names, first, second, time, run, findings)
     if lost.mean() > _MOST_LOST:
         raise UnusableError(
             f"{100 * lost.mean():.0f} % of the log are clipped, stuck or contradictory: {findings[-1].message}"
@@ -141,37 +138,46 @@ def _pairs(names: tuple[str, ...], excluded: Sequence[str]) -> list[tuple[int, i
     return [(names.index(n), names.index(opposite(n))) for n in sound if n[5] == "p" and opposite(n) in sound]
 
 
-def _stiller(gaps: np.ndarray, first: int, second: int, span: np.ndarray) -> int:
-    """Return which of two probes moves less within a span."""
-    return first if np.nanstd(gaps[first, span]) <= np.nanstd(gaps[second, span]) else second
-
-
-def _say_span(
-    where: np.ndarray,
+def _mend(
+    gaps: np.ndarray,
+    names: tuple[str, ...],
+    first: int,
+    second: int,
     time: np.ndarray,
-    values: np.ndarray,
-    name: str,
     run: str,
     findings: list[QualityFinding],
-    summed: str = "",
-) -> None:
-    for start, stop in spans_of(where)[:5]:
-        inside = values[start:stop]
-        held = np.ptp(inside) <= 1e-3 * np.nanstd(values)
-        what = (
-            f"{name} stands still at {inside[0]:.6g} m"
-            if name.startswith("gap")
-            else f"{name} stands still at {inside[0]:.6g} N"
-        )
-        if held:
-            text = f"{what} for {time[stop - 1] - time[start]:.3g} s: clipped or stuck"
+) -> np.ndarray:
+    """Replace, where an opposed pair does not add up, the wrong gap by what the other means; return what is lost."""
+    found = pair_sum(gaps[first], gaps[second])
+    lost = np.zeros(time.size, dtype=bool)
+    marks = {0: lost.copy(), 1: lost.copy()}
+    for start, stop in spans_of(found.departs):
+        span = slice(start, stop)
+        wrong = culprit(gaps[first], gaps[second], start, stop)
+        if wrong is None:
+            lost[span] = True
         else:
-            text = f"{summed} is no constant for {time[stop - 1] - time[start]:.3g} s: one of them is disturbed"
-        span = (float(time[start]), float(time[stop - 1]))
-        findings.append(QualityFinding("warning", f"{text}; the span is left out.", run, name, span))
-    more = len(spans_of(where)) - 5
-    if more > 0:
-        findings.append(QualityFinding("warning", f"{name}: {more} more such spans are left out.", run, name))
+            marks[wrong][span] = True
+    told = "does not fit its opposite probe (clipped, stuck or wild); that one alone gives the motion there"
+    for wrong, index in ((0, first), (1, second)):
+        findings += _spans(marks[wrong], time, names[index], run, told)
+    gaps[first] = np.where(marks[0], found.first_from(gaps[second]), gaps[first])
+    gaps[second] = np.where(marks[1], found.second_from(gaps[first]), gaps[second])
+    both = f"and {names[second]} do not add up to a constant, and which is wrong cannot be told"
+    findings += _spans(lost, time, names[first], run, both)
+    return lost
+
+
+def _spans(marks: np.ndarray, time: np.ndarray, name: str, run: str, what: str) -> list[QualityFinding]:
+    """Return one finding for all spans; its place is the longest."""
+    found = spans_of(marks)
+    if not found:
+        return []
+    longest = max(found, key=lambda span: span[1] - span[0])
+    span = (float(time[longest[0]]), float(time[longest[1] - 1]))
+    seconds = float(marks.sum() * np.median(np.diff(time)))
+    text = f"{name} {what} ({counted(len(found), 'span')}, {seconds:.3g} s in all)."
+    return [QualityFinding("warning", text, run, name, span)]
 
 
 def _refuse_wrong_axes(planes: dict[int, np.ndarray], force: np.ndarray, kept: np.ndarray) -> None:

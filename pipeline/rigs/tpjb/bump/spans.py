@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 # What a sum of opposed gaps may wander beyond noise and gain, m.
 _LEAST_DEPARTURE = 1e-6
+# Samples from which on a span is a state and no lone wild sample.
+_LONG = 10
 
 
 def held_still(values: np.ndarray, least: int) -> np.ndarray:
@@ -24,8 +28,25 @@ def held_still(values: np.ndarray, least: int) -> np.ndarray:
     return marks
 
 
-def sum_departs(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Mark samples where the sum of an opposed pair of gaps is not the constant that it is elsewhere.
+@dataclass(frozen=True, eq=False)
+class PairSum:
+    """The sum of an opposed pair of gaps: where it departs from ``level + slope (first - second)``, shape (n,)."""
+
+    departs: np.ndarray
+    level: float
+    slope: float
+
+    def first_from(self, second: np.ndarray) -> np.ndarray:
+        """Return the first gap as the second one has it."""
+        return np.asarray((self.level - (1 + self.slope) * second) / (1 - self.slope))
+
+    def second_from(self, first: np.ndarray) -> np.ndarray:
+        """Return the second gap as the first one has it."""
+        return np.asarray((self.level - (1 - self.slope) * first) / (1 + self.slope))
+
+
+def pair_sum(first: np.ndarray, second: np.ndarray) -> PairSum:
+    """Find where the sum of an opposed pair of gaps is not the constant that it is elsewhere.
 
     A difference in gain lets the sum follow the displacement, which is no fault here: the sum is
     compared with a straight line over the difference, found without the samples that depart.
@@ -33,21 +54,47 @@ def sum_departs(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     total, difference = first + second, first - second
     finite = np.isfinite(total)
     kept = finite.copy()
-    rest = np.zeros(total.size)
-    limit = np.inf
+    nothing = PairSum(np.zeros(total.size, dtype=bool), 0.0, 0.0)
+    step = max(_quantum(first), _quantum(second))
     for _ in range(8):
         if kept.sum() < 10:
-            return np.zeros(total.size, dtype=bool)
+            return nothing
         x = difference[kept] - difference[kept].mean()
         slope = float(x @ total[kept] / (x @ x)) if x @ x > 0 else 0.0
         rest = total - slope * difference
-        rest = np.where(finite, rest - np.median(rest[kept]), 0.0)
-        limit = max(6 * 1.4826 * float(np.median(np.abs(rest[kept]))), _LEAST_DEPARTURE)
-        now = finite & (np.abs(rest) <= limit)
+        level = float(np.median(rest[kept]))
+        off = np.where(finite, np.abs(rest - level), 0.0)
+        limit = max(6 * 1.4826 * float(np.median(off[kept])), 3 * step, _LEAST_DEPARTURE)
+        now = finite & (off <= limit)
         if (now == kept).all():
             break
         kept = now
-    return np.asarray(finite & (np.abs(rest) > limit))
+    return PairSum(finite & (off > limit), level, slope)
+
+
+def culprit(first: np.ndarray, second: np.ndarray, start: int, stop: int) -> int | None:
+    """Return which of two gaps is wrong in a span: 0 or 1; None where that cannot be told.
+
+    A sensor that hangs or is clipped stands still while the other moves; a wild sample jumps.
+    """
+    if stop - start >= _LONG:
+        size = [float(np.nanstd(values[start:stop])) for values in (first, second)]
+        times, order = 0.3, 1
+    else:
+        size = [abs(float(values[start] - values[start - 1])) if start else 0.0 for values in (first, second)]
+        times, order = 0.3, -1
+    if size[0] < times * size[1]:
+        return 0 if order > 0 else 1
+    if size[1] < times * size[0]:
+        return 1 if order > 0 else 0
+    return None
+
+
+def _quantum(values: np.ndarray) -> float:
+    """Return the smallest step between neighbouring samples, m."""
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 1e-12]
+    return float(steps.min()) if steps.size else 0.0
 
 
 def spans_of(marks: np.ndarray, join: int = 10) -> list[tuple[int, int]]:

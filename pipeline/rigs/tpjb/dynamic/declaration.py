@@ -47,6 +47,7 @@ def _coefficients() -> tuple[ParameterSpec, ...]:
                         f"{what}, {row} force by {column} displacement",
                         f"eqs (1), (2): {part}",
                         key=row == column,
+                        key_at="synchronous",
                     )
                 )
     return tuple(specs)

@@ -160,12 +160,14 @@ def _fill(solution: Solution) -> None:
     by_mass = (
         impedance.inertia_sensitivity(_mean_acceleration(solution), found) * solution.inertia.error_at(w)[:, None, None]
     )
-    for i, j in ENTRIES:
-        axes = f"{'xy'[i]}{'xy'[j]}"
+    for name, (i, j) in zip(NAMES, 2 * ENTRIES, strict=True):
         sd, dof = found.std_error[:, i, j], found.dof[:, i, j]
         H, B = found.H[:, i, j], by_mass[:, i, j]
-        solution.coefficients["k" + axes] = Coefficient("k" + axes, H.real, sd, dof, np.abs(B.real))
-        solution.coefficients["c" + axes] = Coefficient("c" + axes, H.imag / w, sd / w, dof, np.abs(B.imag) / w)
+        solution.coefficients[name] = (
+            Coefficient(name, H.real, sd, dof, np.abs(B.real))
+            if name[0] == "k"
+            else Coefficient(name, H.imag / w, sd / w, dof, np.abs(B.imag) / w)
+        )
 
 
 def _check_signs(solution: Solution, _settings: DynamicSettings) -> None:

@@ -24,7 +24,7 @@ from pipeline.rigs.tpjb.rotating.sampling import Sampled, sampled
 
 _FORCES = ("force_u", "force_v")
 _BESIDE = ("force_static", "speed")
-_LEAST_SAMPLES = 20
+_LEAST_SAMPLES = 40
 _LEAST_REST = 5
 # A mean force at rest above this share of the full force is taken off.
 _ZERO = 0.01
