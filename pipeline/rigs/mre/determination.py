@@ -19,7 +19,8 @@ _LARGEST_OF_SUM = 0.1
 # A tau this uncertain (one frequency only) leaves the range where the model is straight, and with it the
 # errors of all that correlates with it.
 _LOOSE, _TIED = 0.3, 0.5
-_HALF = 0.5  # a relative standard error that leaves not even the order of magnitude
+# Relative standard errors from which on only lucky draws would look determined, and be biased.
+_LEAST, _LEAST_OF_TAU = 0.3, 0.2
 _NEEDS_TAU = "is not determined: only tau tells k1 and k2 apart, and tau is not determined"
 _TIED_TO_TAU = "is not determined: it is tied to tau, which is all but free"
 _UNITS = {"k1": "N/m", "k2": "N/m", "k_mr": "N/m", "s_mr": "N s/m", "alpha_bw": "N", "rho": "1/m", "tau": "s"}
@@ -77,7 +78,7 @@ def judge(
         if bound != PHYSICAL_BOUNDS.get(name):
             lost[name] = f"{name} is not determined: the fit ran to the edge of its search, {bound:.4g}"
     for name in ("tau", "rho", "c_bw", "n_bw", "k1", "alpha_bw"):  # positive by nature: no honest zero
-        if relative[name] > _HALF:
+        if relative[name] > (_LEAST_OF_TAU if name == "tau" else _LEAST):
             lost.setdefault(name, "")
     tau = names.index("tau")
     loose = relative["tau"] > _LOOSE or "tau" in lost.keys() & at_bound.keys()
@@ -85,7 +86,7 @@ def judge(
         if loose and name != "tau" and _correlation(errors, row, tau) > _TIED:
             lost.setdefault(name, f"{name} {_TIED_TO_TAU}")
     if "tau" in lost:
-        lost = {name: f"{name} {_NEEDS_TAU}" for name in ("k1", "k2")} | lost
+        lost = {"k1": "", "k2": "", **lost}
     sums = []
     for name, text, members, total, gradient in _sums_of(names, values):
         spread, dof = errors.of(gradient)
@@ -100,6 +101,8 @@ def judge(
         if lost.keys() & {*members} and share < 0.5 * min(relative[member] for member in members):
             said = f"{', '.join(members)} are not determined one by one; only {text} = {total:.4g} N/m "
             lost |= {member: lost.get(member) or f"{said}(+-{100 * share:.2g} %) is" for member in members}
+    if "tau" in lost:
+        lost |= {name: lost[name] or f"{name} {_NEEDS_TAU}" for name in ("k1", "k2")}
     reasons = {name: said or f"{name} is not determined: {_percent(relative[name])}" for name, said in lost.items()}
     statements = tuple(f"{said}." for said in dict.fromkeys(reasons.values())) or found[2]
     return Determination(found[0], reasons, tuple(sums), statements)
@@ -135,6 +138,8 @@ def _correlation(errors: Errors, gradient: np.ndarray, index: int) -> float:
 
 
 def _percent(share: float) -> str:
+    if share < _LARGEST_OF_SUM:
+        return "the other parameters can make up for it"
     return f"its standard error would be {100 * share:.2g} % of its value" if share < 10 else "the data do not hold it"
 
 
