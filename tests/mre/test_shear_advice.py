@@ -6,12 +6,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline.findings import Published
 from pipeline.findings.figures import Figure, Line, Points
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.mre.shear import SHEAR, ShearSettings
+from pipeline.rigs.mre.shear_arrays import _alike
 from pipeline.rigs.mre.shear_methods import _runs_hold
 from pipeline.rigs.mre.shear_published import published
 from pipeline.rigs.mre.shear_sections import sections
@@ -56,6 +58,13 @@ def test_points_lie_on_the_lines_of_the_model_at_their_own_amplitude() -> None:
                 for x, y in zip(points.x, points.y, strict=True):
                     near = [np.interp(x, *c.T) for c in curves if len(c) and c[0, 0] <= x <= c[-1, 0]]
                     assert min(abs(at / y - 1) for at in near) < 0.03, (figure.name, panel.title)
+
+
+def test_runs_at_many_close_amplitudes_do_not_share_one_line() -> None:
+    runs = pd.DataFrame({"amplitude": np.geomspace(1e-4, 6e-4, 60)})
+    parts = _alike(runs, "amplitude")
+    assert sum(len(part) for part in parts) == 60
+    assert all(part["amplitude"].max() <= 1.05 * part["amplitude"].min() for part in parts)
 
 
 def test_checks_of_the_paper_are_marked_as_such_and_do_not_change_with_the_pads() -> None:

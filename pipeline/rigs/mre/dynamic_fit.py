@@ -178,6 +178,8 @@ class DynamicFit:
         X = np.zeros_like(self.loops[0].X)
         X[0] = amplitude
         F = self.force(X, frequency, current, values)
-        lag = float(values[4]) if self.held_lag is None else self.held_lag
+        # A lag that the data leave open is taken out of no measured loop either.
+        open_lag = self.held_lag is None and self.force_lag.value is None
+        lag = 0.0 if open_lag else float(values[4]) if self.held_lag is None else self.held_lag
         loop = replace(self.loops[0], frequency=frequency, X=X, F=F)
         return {e.name: float(e.value or 0.0) for e in loop_metrics(loop, force_lag=lag)}

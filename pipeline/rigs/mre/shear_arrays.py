@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -173,11 +174,10 @@ def _model_lines(fit: DynamicFit | None) -> pd.DataFrame:
     rows = []
     for over, held in (("frequency", "amplitude"), ("amplitude", "frequency")):
         order = runs.sort_values(["current", held])
-        apart = (order[held] > _SAME * order[held].shift()) | (order["current"] != order["current"].shift())
-        lines = [part for _, part in order.groupby(apart.cumsum())]
+        lines = [part for _, level in order.groupby("current") for part in _alike(level, held)]
         own = len(lines) <= _LINES
         if not own:
-            lines = [part for _, part in order.groupby("current")]
+            lines = [level for _, level in order.groupby("current")]
         for number, part in enumerate(lines):
             low, high = (_BEYOND[0] * part[over].min(), _BEYOND[1] * part[over].max())
             points = _LINE_POINTS if high > 3 * low else _STROKE_POINTS
@@ -188,6 +188,16 @@ def _model_lines(fit: DynamicFit | None) -> pd.DataFrame:
                 metrics = {name: found[name] for name in METRICS}
                 rows.append({"over": over, "line": number, "own": own, "current": current, **at, **metrics})
     return pd.DataFrame(rows)
+
+
+def _alike(runs: pd.DataFrame, held: str) -> list[pd.DataFrame]:
+    """Part sorted runs so that `held` is the same within `_SAME` in each part, however close its neighbours lie."""
+    starts = [0]
+    values = runs[held].to_numpy(float)
+    for place, value in enumerate(values):
+        if value > _SAME * values[starts[-1]]:
+            starts.append(place)
+    return [runs.iloc[a:b] for a, b in pairwise([*starts, len(runs)])]
 
 
 def _series(times: Sequence[TimeFit]) -> pd.DataFrame:
