@@ -172,7 +172,7 @@ def loop_parameters(runs: SortedRuns, fit: DynamicFit | None) -> list[Parameter]
         method = "harmonic regression of the steady cycles"
         found += [_parameter(e, at, method) for e in run_metrics(usable, fit) if e.name in _SPECS]
     for usable in runs.half_cycles:
-        at = _operating_point(usable, None, float(usable.series.x.max() - usable.series.x.min()) / 2)
+        at = _operating_point(usable, None, float(np.abs(usable.series.x - usable.series.x[0]).max()))
         try:
             metrics = half_cycle_metrics(usable.run, usable.series.x, usable.series.F, pads=usable.pads)
         except ValueError as error:
