@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from pipeline.errors import InputError, counted
+from pipeline.ingest.clock_drift import ClockDrift, other_clock
 from pipeline.ingest.mapping import Selection
 from pipeline.ingest.quality.sampling import Sampling
 from pipeline.ingest.reader import BLOCK_ROWS
@@ -60,7 +61,13 @@ class StreamInSI:
         self.repairs: list[QualityFinding] = []
         self.beyond: dict[str, float] = {}
         self.time = time
-        names = [*([time.channel] if time.channel is not None else []), *(c.raw.name for c in selection.channels)]
+        self._other_clock = other_clock(selection.source, time)
+        self._drift = ClockDrift()
+        names = [
+            *([self._other_clock] if self._other_clock is not None else []),
+            *([time.channel] if time.channel is not None else []),
+            *(c.raw.name for c in selection.channels),
+        ]
         self._names = list(dict.fromkeys(names))
         self._blocks = self._again()
         self._first = next(self._blocks, None)
@@ -99,6 +106,8 @@ class StreamInSI:
                 f"{1.0 / step:.5g} samples a second."
             )
             said.append(QualityFinding("note" if not step >= 10.0 else "warning", message))
+        if self._other_clock is not None and self.time.channel is not None:
+            said += self._drift.findings(self.clock.where, self.time.channel, self._other_clock)
         return said + self._said_stated_rate(sampling)
 
     def _said_stated_rate(self, sampling: Sampling) -> list[QualityFinding]:
@@ -125,6 +134,7 @@ class StreamInSI:
 
     def _pass(self, blocks: Iterator[Block], sink: Sink, mended: Repair | None) -> int:
         """Pass blocks on and return the number of rows; `_DisorderError` where they are not in order."""
+        self._drift = ClockDrift()
         timeless = _Tally()
         infinite = {channel.name: _Tally() for channel in self.selection.channels}
         self.beyond = {}
@@ -139,6 +149,9 @@ class StreamInSI:
                     raise InputError(f"{self.clock.where}: the time stamps are too fine to be told apart as numbers.")
                 raise _DisorderError
             last = time[-1]
+            if self._other_clock is not None:
+                other = np.asarray(block[self._other_clock], dtype=np.float64)
+                self._drift.add(time, other if keep is None else other[keep])
             passed += time.size
             sink.add(time, self._channels(block, keep, time, infinite))
         self._say(timeless, infinite)
