@@ -156,6 +156,16 @@ class Solution:
     rows: tuple[slice, ...]
 
 
+def settle(orbits: Sequence[Orbit], noises: Sequence[Noise], law: Law) -> tuple[Path, ...]:
+    """Return the runs as a law without free coefficients sees them: only offset and drift are fitted."""
+    paths = []
+    for orbit, noise in zip(orbits, noises, strict=True):
+        run = _Run(orbit, noise, law)
+        run.relinearise(np.zeros(0))
+        paths.append(run.path(np.zeros(0)))
+    return tuple(paths)
+
+
 def solve(
     orbits: Sequence[Orbit],
     noises: Sequence[Noise],

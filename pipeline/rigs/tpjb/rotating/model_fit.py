@@ -17,7 +17,7 @@ from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.estimation.identifiability import Combination, Identifiability, assess
 from pipeline.estimation.uncertainty import Covariance, newey_west
 from pipeline.rigs.tpjb.rotating import law
-from pipeline.rigs.tpjb.rotating.displacement_fit import Law, Path, Solution, solve
+from pipeline.rigs.tpjb.rotating.displacement_fit import Law, Path, Solution, settle, solve
 from pipeline.rigs.tpjb.rotating.force_domain import below_fold, force_domain
 from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
 from pipeline.rigs.tpjb.rotating.models import Model
@@ -269,6 +269,10 @@ def fit_law(
     bounds: tuple[np.ndarray, np.ndarray],
 ) -> LawFit:
     """Fit any law (the load-dependent forms) to orbits at one static load; see `fit_model`."""
+    if not fitted.free:
+        none = np.zeros((0, 0))
+        paths, level = settle(orbits, noises, fitted), np.full((len(orbits), 2), np.nan)
+        return LawFit(fitted, start, Covariance(none), tuple(orbits), tuple(noises), paths, level, (), True)
     solution = solve(orbits, noises, fitted, start, bounds)
     covariance, low_sigma = _covariance(solution, fitted, orbits)
     return LawFit(
