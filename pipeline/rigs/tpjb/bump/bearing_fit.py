@@ -23,6 +23,8 @@ _CONTRADICTED = (4.0, 0.005)
 # A side nearer to the middle than this share of the others was never touched.
 _TOUCHED = 0.5
 _FEWEST_PRESSED = 3
+# Share of the blocks that must obey the contact law.
+_LEAST_KEPT = 0.3
 _FEWEST_BLOCKS = 40
 
 
@@ -171,15 +173,30 @@ def _contact(
     for _ in range(3):
         if n_pads - len(absent) < 2:
             return None, absent, "fewer than two sides were touched"
-        try:
-            found = fit_contact(blocks, first_guess(blocks, polygons, absent), absent)
-        except (InputError, np.linalg.LinAlgError) as error:
-            return None, absent, f"the contact law could not be fitted: {error}"
-        if not math.isfinite(found.chi2_reduced):
-            return None, absent, "too few blocks for the contact law"
+        found, reason = _best_fit(blocks, polygons, absent)
+        if found is None:
+            return None, absent, reason
         pressed = np.min([touching[found.kept].sum(axis=0) for touching in found.touching.values()], axis=0)
         never = tuple(i for i in range(n_pads) if pressed[i] < _FEWEST_PRESSED)
         if set(never) <= set(absent):
             return found, absent, ""
         absent = tuple(sorted({*absent, *never}))
     return found, absent, ""
+
+
+def _best_fit(
+    blocks: Blocks, polygons: dict[int, dict[int, Polygon]], absent: tuple[int, ...]
+) -> tuple[ContactFit | None, str]:
+    """Fit from one start, or where a side is missing with and without a pull away from it; more blocks win."""
+    tried: list[ContactFit] = []
+    reason = "too few blocks obey it"
+    for pull in (0.0, 1.5) if absent else (0.0,):
+        try:
+            found = fit_contact(blocks, first_guess(blocks, polygons, absent, pull), absent)
+        except (InputError, np.linalg.LinAlgError) as error:
+            reason = str(error).rstrip(".")
+            continue
+        if math.isfinite(found.chi2_reduced) and found.kept.mean() > _LEAST_KEPT:
+            tried.append(found)
+    best = max(tried, key=lambda found: int(found.kept.sum()), default=None)
+    return best, f"the contact law could not be fitted: {reason}"

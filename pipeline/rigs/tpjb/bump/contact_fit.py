@@ -20,7 +20,10 @@ from pipeline.rigs.tpjb.bump.contact import Bearing, Rest, rest, rest_on, sensit
 from pipeline.rigs.tpjb.bump.geometry import Polygon
 from pipeline.rigs.tpjb.bump.levels import Blocks
 
-_ROUNDS = 4
+_ROUNDS = 12
+# Relative change of the stiffnesses from round to round that no longer matters.
+_SETTLED = 1e-3
+_EVALUATIONS = 200
 # Noise of the force, in standard deviations, that may not change which sides are pressed.
 _MARGIN = 3.0
 # That margin at most, as a share of the smallest force.
@@ -85,7 +88,8 @@ def fit_contact(blocks: Blocks, start: Mapping[int, Bearing], absent: Collection
     bearings = {p: _without(bearing, absent) for p, bearing in start.items()}
     motion_noise, force_noise = max(blocks.motion_noise, 1e-12), max(blocks.force_noise, 1e-9)
     outliers = np.zeros(blocks.time.size, dtype=bool)
-    for number in range(_ROUNDS):
+    trimmed, before = False, (math.nan, math.nan)
+    for _ in range(_ROUNDS):
         rests = {p: rest(blocks.force, bearing) for p, bearing in bearings.items()}
         margin = min(_MARGIN * force_noise, _MOST_MARGIN * min(blocks.levels))
         kept = _steady(blocks, bearings, margin) & ~outliers
@@ -95,9 +99,15 @@ def fit_contact(blocks: Blocks, start: Mapping[int, Bearing], absent: Collection
         bearings = {p: _bearing(fitted.values, p, bearing) for p, bearing in bearings.items()}
         rests = {p: rest(blocks.force, bearing) for p, bearing in bearings.items()}
         steady = _steady(blocks, bearings, margin)
+        now = (fitted.values["k_p"], fitted.values["k_s"])
+        settled = all(abs(a - b) < _SETTLED * a for a, b in zip(now, before, strict=True))
+        before = now
+        if settled and trimmed:
+            break
         motion_noise, force_noise = _noises(blocks, rests, bearings, steady & ~outliers, motion_noise, force_noise)
-        if number < _ROUNDS - 1:
+        if settled:
             outliers = steady & _odd(blocks, rests, motion_noise, force_noise)
+            trimmed = True
     residual = fitted.residual.reshape(int(kept.sum()), -1)
     fitted, widening = _widened(fitted, residual)
     return ContactFit(
@@ -114,11 +124,15 @@ def fit_contact(blocks: Blocks, start: Mapping[int, Bearing], absent: Collection
 
 
 def first_guess(
-    blocks: Blocks, polygons: Mapping[int, Mapping[int, Polygon]], absent: Collection[int] = ()
+    blocks: Blocks,
+    polygons: Mapping[int, Mapping[int, Polygon]],
+    absent: Collection[int] = (),
+    pull: float = 0.0,
 ) -> dict[int, Bearing]:
     """Return a start from the polygons of each plane at each level: ``polygons[plane][level]``.
 
     Sides move outwards with the force over k_p; along a side the force is held by the support.
+    `pull` is a constant force away from the absent sides, over the largest turning one.
     """
     levels = blocks.levels
     guesses = {}
@@ -133,8 +147,8 @@ def first_guess(
         rise = levels[high] - levels[low]
         k_p = rise / growth if growth > 1e-9 and rise > 0 else 1e9
         k_s, neutral = _support(blocks, plane, top, there) or (1e-3 * k_p, top.centre)
-        if absent:  # what keeps the stator off a side pulls more than the turning force does
-            neutral = neutral - 1.5 * levels[high] / k_s * top.normals[list(absent)].mean(axis=0)
+        if absent and pull:
+            neutral = neutral - pull * levels[high] / k_s * top.normals[list(absent)].mean(axis=0)
         guesses[plane] = Bearing(
             top.pad_angles, top.rotation, top.sides - levels[high] / k_p, neutral, k_p, min(k_s, 0.3 * k_p)
         )
@@ -225,7 +239,7 @@ def _fit(
             at += n + 3
         return np.asarray(np.einsum("nij,njk->nik", whiten, J[:, :, free]).reshape(-1, len(free)))
 
-    return fit(residual, unknowns, jacobian=jacobian, noise="larger")
+    return fit(residual, unknowns, jacobian=jacobian, noise="larger", max_evaluations=_EVALUATIONS)
 
 
 def _steady(blocks: Blocks, bearings: Mapping[int, Bearing], margin: float) -> np.ndarray:

@@ -65,9 +65,10 @@ def judge(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> None
 
 
 def growth_of(fit: BearingFit) -> np.ndarray:
-    """Return force (N) and mean clearance of the planes (m) at each level, shape (levels, 2)."""
+    """Return force (N) and mean distance of the touched sides (m) at each level, shape (levels, 2)."""
     forces = fit.blocks.levels
-    means = [np.mean([p[k].clearances.mean() for p in fit.polygons.values()]) for k in range(len(forces))]
+    there = [i for i in range(fit.n_pads) if i not in fit.absent]
+    means = [np.mean([p[k].sides[there].mean() for p in fit.polygons.values()]) for k in range(len(forces))]
     return np.column_stack([forces, means])
 
 

@@ -53,8 +53,15 @@ def pair_sum(first: np.ndarray, second: np.ndarray) -> PairSum:
     """
     total, difference = first + second, first - second
     finite = np.isfinite(total)
-    kept = finite.copy()
     nothing = PairSum(np.zeros(total.size, dtype=bool), 0.0, 0.0)
+    if finite.sum() < 20:
+        return nothing
+    # The shortest half holds the sound samples even where nearly half are not.
+    ordered = np.sort(total[finite])
+    half = ordered.size // 2
+    shortest = int(np.argmin(ordered[half:] - ordered[: ordered.size - half]))
+    middle, width = ordered[shortest + half // 2], ordered[shortest + half] - ordered[shortest]
+    kept = finite & (np.abs(total - middle) <= max(3 * float(width), _LEAST_DEPARTURE))
     step = max(_quantum(first), _quantum(second))
     for _ in range(8):
         if kept.sum() < 10:
@@ -81,7 +88,8 @@ def culprit(first: np.ndarray, second: np.ndarray, start: int, stop: int) -> int
         size = [float(np.nanstd(values[start:stop])) for values in (first, second)]
         times, order = 0.3, 1
     else:
-        size = [abs(float(values[start] - values[start - 1])) if start else 0.0 for values in (first, second)]
+        beside = start - 1 if start else min(stop, first.size - 1)
+        size = [abs(float(values[start] - values[beside])) for values in (first, second)]
         times, order = 0.3, -1
     if size[0] < times * size[1]:
         return 0 if order > 0 else 1
