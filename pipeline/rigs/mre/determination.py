@@ -76,7 +76,7 @@ def judge(
     lost = dict.fromkeys(found[1], "")
     for name, bound in at_bound.items():
         if bound != PHYSICAL_BOUNDS.get(name):
-            lost[name] = f"{name} is not determined: the fit ran to the edge of its search, {bound:.4g}"
+            lost[name] = f"{name} is not determined: the fit ran to the edge of its search, {bound:.4g}{_unit(name)}"
     for name in ("tau", "rho", "c_bw", "n_bw", "k1", "alpha_bw"):  # positive by nature: no honest zero
         if relative[name] > (_LEAST_OF_TAU if name == "tau" else _LEAST):
             lost.setdefault(name, "")
@@ -140,7 +140,12 @@ def _correlation(errors: Errors, gradient: np.ndarray, index: int) -> float:
 def _percent(share: float) -> str:
     if share < _LARGEST_OF_SUM:
         return "the other parameters can make up for it"
-    return f"its standard error would be {100 * share:.2g} % of its value" if share < 10 else "the data do not hold it"
+    return f"its standard error would be {100 * share:.0f} % of its value" if share < 10 else "the data do not hold it"
+
+
+def _unit(name: str) -> str:
+    unit = _UNITS[shared_name(name)]
+    return "" if unit == "1" else f" {unit}"
 
 
 def _sums_of(names: list[str], values: np.ndarray) -> list[tuple[str, str, tuple[str, ...], float, np.ndarray]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.errors import counted
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.findings import ModelResult, Parameter
 from pipeline.findings.findings import OperatingPoint
@@ -70,7 +71,7 @@ def parameters_of(
     """Return the parameters of the dynamic model and the field effects; sums only where members are open."""
     found: list[Parameter] = []
     if fit is not None:
-        method = f"separable least squares on harmonics, variant {fit.variant}, {len(fit.loops)} runs"
+        method = f"separable least squares on harmonics, variant {fit.variant}, {counted(len(fit.loops), 'run')}"
         if fit.rejected:
             method += "; the model is rejected, errors by the scatter between runs"
         if fit.held_lag is not None:
@@ -236,7 +237,7 @@ def models_of(
                 aicc=fit.aicc,
                 bic=fit.bic,
                 cv_error=fit.nrmse_second_half,
-                description="fitted in time; cv_error is the error in the second half, predicted from the first",
+                description="fitted in time; predicts the second half from the first",
             )
         )
     return models
