@@ -4,5 +4,6 @@ from pipeline.rigs.experiment import Experiment
 from pipeline.rigs.tpjb.baseline.declaration import BASELINE
 from pipeline.rigs.tpjb.bump.declaration import BUMP
 from pipeline.rigs.tpjb.dynamic.declaration import DYNAMIC
+from pipeline.rigs.tpjb.rotating.declaration import ROTATING
 
-EXPERIMENTS: tuple[Experiment, ...] = (BASELINE, BUMP, DYNAMIC)
+EXPERIMENTS: tuple[Experiment, ...] = (BASELINE, BUMP, DYNAMIC, ROTATING)

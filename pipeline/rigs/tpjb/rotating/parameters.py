@@ -1,0 +1,212 @@
+"""From fits to the parameters and models of the findings (tpjb.md, section 10); nothing is computed anew here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from pipeline.errors import counted, listing
+from pipeline.estimation.estimate import Estimate, estimate
+from pipeline.findings import ModelResult, Parameter
+from pipeline.findings.findings import OperatingPoint
+from pipeline.rigs.tpjb.rotating.declaration import PARAMETERS
+from pipeline.rigs.tpjb.rotating.group import LoadGroup
+from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
+from pipeline.rigs.tpjb.rotating.model_fit import LawFit, ModelFit
+from pipeline.rigs.tpjb.rotating.turns import Turns
+
+_SPECS = {spec.name: spec for spec in PARAMETERS}
+_HARMONICS = "harmonic regression at the stamps of the steady turns"
+_FIT = "displacement-domain fit to all ratios at this static load"
+
+
+def parameter(found: Estimate, at: OperatingPoint, description: str = "", method: str = "") -> Parameter:
+    """Return an estimate as a parameter of the findings."""
+    spec = _SPECS[found.name]
+    text = " ".join(part for part in (spec.description + ".", description, _sentence(found.reason)) if part)
+    return Parameter(
+        name=found.name,
+        symbol=spec.symbol,
+        value=found.value,
+        std_error=found.std_error if found.determined else None,
+        ci95=found.ci95 if found.determined else None,
+        unit=spec.unit,
+        at=at,
+        description=text,
+        source=spec.source,
+        method=method,
+    )
+
+
+def _sentence(reason: str) -> str:
+    return f"{reason[0].upper()}{reason[1:].rstrip('.')}." if reason else ""
+
+
+def parameters_of(groups: Sequence[LoadGroup], single: Sequence[Turns], refused: str = "") -> list[Parameter]:
+    """Return coefficients and linear limit of each static load, THD and harmonics of each run.
+
+    Parameters
+    ----------
+    groups
+        One a static load.
+    single
+        All runs.
+    refused
+        Why no coefficient of this campaign is to be used; empty where they are.
+    """
+    found: list[Parameter] = []
+    for group in groups:
+        found += _coefficients(group, refused)
+        found.append(_limit(group, refused))
+    by_run = {run: distortion for group in groups for run, distortion in group.distortions.items()}
+    for turns in single:
+        distortion = by_run.get(turns.run)
+        if distortion is not None and not refused:
+            thd = estimate("thd", distortion.value, distortion.std_error)
+        else:
+            thd = Estimate(
+                "thd", None, reason=refused or turns.refusal or "no law holds that tells what the load explains"
+            )
+        found.append(parameter(thd, {"run": turns.run}, "", _HARMONICS))
+        found += _harmonics(turns)
+    return found
+
+
+def _coefficients(group: LoadGroup, refused: str) -> list[Parameter]:
+    trusted = group.trusted or group
+    fit = trusted.selected
+    estimates = fit.estimates
+    doubt = refused or ("" if group.trusted else _no_law(group))
+    found = []
+    for name in COEFFICIENTS:
+        own = Estimate(name, None, reason=doubt) if doubt else estimates[name]
+        told = [f"Model {fit.name} ({fit.model.text})." if not refused else ""]
+        if own.determined:
+            told += [_only_lower(group), _type_b(group, name)]
+        elif not doubt:
+            told += [
+                f"Determined: {c.text} = {c.value:.4g} ± {1.96 * c.std_error:.2g} {_SPECS[name].unit}."
+                for c in fit.combinations
+                if name in c.members
+            ]
+        elif not refused and estimates[name].determined:
+            told.append(f"At this ratio it fits best with {estimates[name].value:.4g} {_SPECS[name].unit}.")
+        description = " ".join(part for part in told if part)
+        method = f"{_FIT}, {counted(len(trusted.runs), 'run')}"
+        found.append(parameter(own, dict(group.at), description, method))
+    return found
+
+
+def _no_law(group: LoadGroup) -> str:
+    return (
+        f"no quadratic law holds (chi2 per degree of freedom {group.selected.chi2_reduced:.3g}): a coefficient would depend "
+        "on the load ratio"
+    )
+
+
+def _only_lower(group: LoadGroup) -> str:
+    """Say which ratios were left out because no law holds with them."""
+    if group.lower is None:
+        return ""
+    left = [turns.run for turns in group.runs if turns.run not in group.lower.index]
+    return f"Without {listing(left)}: with it no quadratic law holds."
+
+
+def _type_b(group: LoadGroup, name: str) -> str:
+    """Say what calibration leaves: it scales all coefficients alike and is not in the errors."""
+    conditions = group.runs[0].record.conditions
+    gains = [conditions.get(gain) for gain in ("sensor_gain_u", "force_gain_u")]
+    probe, cell = (float(g) if isinstance(g, int | float) and not isinstance(g, bool) else 0.0 for g in gains)
+    if not probe and not cell:
+        return "Type A; gains of the sensors were not stated."
+    power = 2.0 if name in COEFFICIENTS[4:] else 1.0  # a quadratic term has the displacement's gain squared
+    return f"Type A; type B: ±{100 * math.hypot(power * probe, cell):.2g} % (standard), all such coefficients alike."
+
+
+def _limit(group: LoadGroup, refused: str) -> Parameter:
+    trusted = group.trusted
+    limit = trusted.limit if trusted else None
+    if refused or trusted is None:
+        reason = refused or _no_law(group)
+    elif limit is None:
+        reason = "the static load is not known, so a load ratio has no meaning"
+    else:
+        reason = limit.reason
+    if limit is None or limit.ratio is None or limit.displacement is None or refused:
+        return parameter(Estimate("linear_limit", None, reason=reason), dict(group.at))
+    own = Estimate("linear_limit", limit.ratio, limit.std_error, limit.ci95)
+    beyond = " No run went as far." if limit.extrapolated else ""
+    description = (
+        f"The orbit then reaches {1e6 * limit.displacement:.3g} um{of_clearance(group, limit.displacement)}.{beyond} "
+        f"{_only_lower(group)}"
+    ).strip()
+    name = trusted.selected.name if trusted else ""
+    return parameter(own, dict(group.at), description, f"simulation of {name}, draws of its coefficients")
+
+
+def of_clearance(group: LoadGroup, displacement: float) -> str:
+    """Return ", 0.05 of the clearance" where the clearance is known."""
+    c = clearance_of(group)
+    return f", {displacement / c:.2g} of the clearance" if c else ""
+
+
+def clearance_of(group: LoadGroup) -> float | None:
+    """Return the nominal clearance of a group's bearing, m."""
+    value = group.runs[0].record.conditions.get("clearance_nominal")
+    return float(value) if isinstance(value, int | float) and value > 0 else None
+
+
+def _harmonics(turns: Turns) -> list[Parameter]:
+    found = []
+    for axis in ("x", "y"):
+        for order in (1, 2, 3):
+            name = f"orbit_harmonic_{axis}"
+            at: OperatingPoint = {"run": turns.run, "order": float(order)}
+            if turns.motion is None:
+                found.append(parameter(Estimate(name, None, reason=turns.refusal), at))
+                continue
+            amplitude = abs((turns.motion.x if axis == "x" else turns.motion.y)[order - 1])
+            found.append(parameter(estimate(name, amplitude, axis_sigma(turns, order)), at, "", _HARMONICS))
+    return found
+
+
+def axis_sigma(turns: Turns, order: int) -> float:
+    """Return the standard error of an amplitude along one axis, m: x_k = Z_k + conj Z_-k, half of it along the phasor."""
+    assert turns.motion is not None
+    return math.hypot(turns.motion.sigma_at(order), turns.motion.sigma_at(-order)) / math.sqrt(2.0)
+
+
+def models_of(groups: Sequence[LoadGroup], main: LoadGroup | None) -> list[ModelResult]:
+    """Return every model of every static load; the one chosen at the load of the largest ratio is selected."""
+    found = []
+    for group in groups:
+        suffix = "" if len(groups) == 1 else f" at {group.label}"
+        for fit in (*group.fits, *group.dependent):
+            chosen = fit is group.selected
+            found.append(
+                ModelResult(
+                    name=f"{fit.name}{suffix}",
+                    selected=chosen and group is main,
+                    n_parameters=fit.size,
+                    n_data=fit.n_data,
+                    rms_residual=fit.rms,
+                    nrmse=fit.nrmse,
+                    chi2_reduced=fit.chi2_reduced,
+                    aicc=_criterion(group, fit, "aicc"),
+                    bic=_criterion(group, fit, "bic"),
+                    cv_error=group.prediction if chosen else None,
+                    description=_model_text(group, fit, chosen),
+                )
+            )
+    return found
+
+
+def _criterion(group: LoadGroup, fit: LawFit, name: str) -> float | None:
+    """Return AICc or BIC; None for the load-dependent forms, which compete in misfit only."""
+    return float(getattr(group.comparison.candidate(fit.name), name)) if fit.name in group.comparison.fits else None
+
+
+def _model_text(group: LoadGroup, fit: LawFit, chosen: bool) -> str:
+    text = fit.model.text if isinstance(fit, ModelFit) else "stiffness that depends on the load"
+    runs = f"joint fit to {len(group.runs)} ratios" if len(group.runs) > 1 else "fit to one run"
+    return f"{text}; {runs}" + ("; chosen at this static load" if chosen else "")

@@ -1,0 +1,218 @@
+"""Tables of the models, distortion over the load ratio, and the comparison with the other tests."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import (
+    Axis,
+    Cell,
+    Column,
+    Figure,
+    Line,
+    Mark,
+    Panel,
+    Points,
+    Rule,
+    Status,
+    Table,
+    Text,
+    Value,
+)
+from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
+from pipeline.rigs.tpjb.rotating.sections_orbits import runs_in_order, title
+
+_THD = Axis("THD of the bearing alone", "%")
+
+
+def of_laws(findings: Findings) -> list[Figure | Table | Text]:
+    """Return the table of models and that of their coefficients, one pair a static load."""
+    table = findings.arrays.get("models")
+    if table is None:
+        return []
+    blocks: list[Figure | Table | Text] = []
+    for number, (group, part) in enumerate(table.groupby("group", sort=False)):
+        blocks.append(_criteria(str(group), part, number))
+        blocks.append(_coefficients(str(group), part, number))
+    hidden = [f"{row['group']}: {row['model']} is left out of figures, {row['hidden']}."
+              for _, row in table.iterrows() if row["hidden"]]  # fmt: skip
+    return [*blocks, Text(hidden)] if hidden else blocks
+
+
+def _criteria(group: str, part: pd.DataFrame, number: int) -> Table:
+    rows: list[list[Cell]] = []
+    for _, row in part.iterrows():
+        state = Status("selected", "ok") if row["selected"] else Status("", "unsaid")
+        rows.append(
+            [
+                row["model"], int(row["n_parameters"]), float(f"{row['chi2_reduced']:.4g}"), round(float(row["bic"])),
+                float(f"{row['rms']:.3g}"), float(f"{row['effect']:.3g}"), float(f"{row['fold_margin']:.3g}"),
+                float(f"{row['mean_shift_x']:.3g}"), float(f"{row['mean_shift_y']:.3g}"), state,
+            ]
+        )  # fmt: skip
+    return Table(
+        f"models_{number}",
+        f"Models, {group}",
+        "Which law do the orbits ask for? Smallest BIC, unless the term changes the orbit by less than 1 % of the 1X. chi2 "
+        "is per degree of freedom with the noise that no smooth function of the force explains: 2 and more means that the law "
+        "does not hold. Fold margin: least det J over det K on the orbit, 1 for a linear law, 0 at the fold. Mean shift: of "
+        "the orbit from the equilibrium at the largest load.",
+        [
+            Column("model"), Column("terms"), Column("chi2"), Column("BIC"), Column("misfit rms", "m"),
+            Column("differs from the best by", "%"), Column("fold margin"), Column("mean shift x", "m"),
+            Column("mean shift y", "m"), Column(""),
+        ],
+        rows,
+    )  # fmt: skip
+
+
+def _coefficients(group: str, part: pd.DataFrame, number: int) -> Table:
+    rows: list[list[Cell]] = []
+    for _, row in part.iterrows():
+        cells: list[Cell] = [row["model"]]
+        for name in COEFFICIENTS:
+            known = not math.isnan(row[name])
+            cells.append(Value(float(row[name]), _positive(row[f"{name}_sd"])) if known else None)
+        rows.append(cells)
+    units = ["N/m"] * 4 + ["N/m^2"] * 6
+    return Table(
+        f"coefficients_{number}",
+        f"Coefficients of every model, {group}",
+        "With standard errors (type A, under the residual of each model); those of models that do not hold mean nothing. "
+        "What cannot be told one by one stands among the parameters with its reason.",
+        [Column("model"), *(Column(name, unit) for name, unit in zip(COEFFICIENTS, units, strict=True))],
+        rows,
+    )
+
+
+def _positive(value: float) -> float | None:
+    return float(value) if value > 0 and math.isfinite(value) else None
+
+
+def of_limit(findings: Findings) -> list[Figure | Table]:
+    """Return distortion over the load ratio with the limits, and the table of runs."""
+    return [*_thd(findings), _runs(findings)]
+
+
+def _thd(findings: Findings) -> list[Figure]:
+    runs = runs_in_order(findings)
+    told = runs[runs["thd"].notna() & runs["ratio"].notna()]
+    if told.empty:
+        return []
+    curves = findings.arrays.get("limit")
+    low = float(findings.settings.get("thd_linear", 0.025))
+    high = float(findings.settings.get("thd_nonlinear", 0.05))
+    over_ratio: list[Mark] = []
+    over_displacement: list[Mark] = []
+    answers = []
+    for number, (group, part) in enumerate(told.groupby("group", sort=False)):
+        if curves is not None:
+            curve = curves[curves["group"] == group]
+            over_ratio.append(Line(curve["ratio"].to_numpy(), curve["thd"].to_numpy(), number, str(group)))
+            over_displacement.append(
+                Line(curve["displacement"].to_numpy(), curve["thd"].to_numpy(), number, str(group))
+            )
+        y = part["thd"].to_numpy()
+        half = 1.96 * part["thd_sd"].to_numpy()
+        points = (y, number, f"{group}, measured", np.maximum(y - half, 0.0), y + half)
+        over_ratio.append(Points(part["ratio"].to_numpy(), *points))
+        over_displacement.append(Points(part["first"].to_numpy(), *points))
+    rules = [
+        Rule(y=low, label=f"{100 * low:g} %, linear below"),
+        Rule(y=high, label=f"{100 * high:g} %, nonlinear above"),
+    ]
+    for found in findings.find("linear_limit"):
+        if found.value is not None:
+            load = found.at.get("static_load")
+            where = f" at {float(load) / 1e3:.4g} kN" if isinstance(load, int | float) else ""
+            over_ratio.append(Rule(x=found.value, label=f"rho* = {found.value:.3g}{where}"))
+            answers.append(f"rho* = {found.value:.3g}{where}")
+    answer = "; ".join(answers) if answers else "no limit could be told, see the parameters"
+    return [
+        Figure(
+            "thd",
+            "Distortion over the load ratio",
+            f"Up to which load is the bearing linear? Points: each run, with 95 % limits, what the load's own harmonics "
+            f"explain taken out; lines: the selected law under a circular load. {answer}.",
+            "THD over load ratio and over the size of the orbit, with the limits of the verdict",
+            [
+                Panel([*over_ratio, *rules], Axis("load ratio F/W", "%"), _THD, "over the load ratio"),
+                Panel([*over_displacement, *rules], Axis("1X amplitude of the orbit", "m"), _THD, "over the orbit"),
+            ],
+            columns=2,
+            share_y=True,
+        )
+    ]
+
+
+def _runs(findings: Findings) -> Table:
+    low = float(findings.settings.get("thd_linear", 0.025))
+    high = float(findings.settings.get("thd_nonlinear", 0.05))
+    rows: list[list[Cell]] = []
+    for _, row in runs_in_order(findings).iterrows():
+        thd = row["thd"]
+        if math.isnan(thd):
+            state = Status("refused")
+        else:
+            word = "linear" if thd < low else "marginal" if thd <= high else "nonlinear"
+            state = Status(word, "ok" if thd < low else "warning" if thd <= high else "unsaid")
+        rows.append(
+            [
+                title(row), _three(row["turns"]), Value(None if math.isnan(thd) else float(thd), _positive(row["thd_sd"])),
+                _three(row["thd_load"]), _three(row["misfit_linear"]), _three(row["stiffness_change"]),
+                _three(row["displacement"]), _three(row["over_clearance"]), state,
+            ]
+        )  # fmt: skip
+    return Table(
+        "distortion",
+        "Distortion of each run",
+        "THD of what the linear bearing and the load's harmonics do not explain; misfit of a linear law (M2 of this run "
+        "alone) over the rms orbit; change of its stiffness against the lowest ratio; the largest distance from equilibrium.",
+        [
+            Column("run"), Column("turns"), Column("THD", "%"), Column("THD of the load", "%"),
+            Column("misfit of a linear law", "%"), Column("change of stiffness", "%"), Column("largest |d|", "m"),
+            Column("|d| over clearance", "%"), Column("verdict"),
+        ],
+        rows,
+    )  # fmt: skip
+
+
+def _three(value: float) -> float | None:
+    return float(f"{value:.3g}") + 0.0 if math.isfinite(value) else None
+
+
+def of_consistency(findings: Findings) -> list[Figure | Table | Text]:
+    """Return the comparison with T2, the relations of load dependence, and the conservative check."""
+    table = findings.arrays.get("consistency")
+    if table is None:
+        return []
+    tables: list[Figure | Table | Text] = []
+    for number, (kind, part) in enumerate(table.groupby("kind", sort=False)):
+        rows: list[list[Cell]] = []
+        for _, row in part.iterrows():
+            rows.append(
+                [
+                    row["group"], row["name"], Value(row["left"], _positive(row["left_sd"])),
+                    Value(row["right"], _positive(row["right_sd"])), row["unit"], f"{row['z']:+.1f}",
+                    Status.agrees if row["holds"] else Status.contradicts,
+                ]
+            )  # fmt: skip
+        meanings = list(dict.fromkeys(part.loc[~part["holds"], "meaning"]))
+        said = " ".join(f"Where it fails: {meaning}." for meaning in meanings)
+        tables.append(
+            Table(
+                f"consistency_{number}",
+                str(kind),
+                f"z is the difference over its standard error; within 3 both agree. {said}".strip(),
+                [
+                    Column("bearing, load"), Column("what"), Column("first"), Column("second"), Column("unit"), Column("z"),
+                    Column("result"),
+                ],
+                rows,
+            )
+        )  # fmt: skip
+    return tables

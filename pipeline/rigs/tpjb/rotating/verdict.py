@@ -1,0 +1,182 @@
+"""The verdict on a rotating-load campaign, its reasons in plain words, and what to measure next.
+
+rejected  units or probes that cannot be: no coefficient is given.
+warning   a fault that could not be mended for sure, a run left out, no model that passes, a coefficient of
+          the chosen model that is not determined, or T2 that contradicts T3.
+ok        none of these.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.errors import listing
+from pipeline.findings import Verdict
+from pipeline.recording import QualityFinding
+from pipeline.rigs.tpjb.rotating.consistency import Consistency
+from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
+from pipeline.rigs.tpjb.rotating.group import LoadGroup
+from pipeline.rigs.tpjb.rotating.orbit import openness
+from pipeline.rigs.tpjb.rotating.parameters import of_clearance
+
+_TOLD = 4
+_NEAR_FOLD = 0.15
+
+
+@dataclass
+class Judgement:
+    """Verdict, reasons, advice."""
+
+    verdict: Verdict = "ok"
+    reasons: list[str] = field(default_factory=list)
+    advice: list[str] = field(default_factory=list)
+
+    def warn(self, reason: str) -> None:
+        """Warn, for that reason."""
+        if self.verdict == "ok":
+            self.verdict = "warning"
+        self.reasons.append(reason)
+
+    def advise(self, text: str) -> None:
+        """Give advice once."""
+        if text not in self.advice:
+            self.advice.append(text)
+
+
+def judge(
+    groups: Sequence[LoadGroup],
+    consistency: Sequence[Consistency],
+    left_out: dict[str, str],
+    quality: Sequence[QualityFinding],
+    refused: str,
+    settings: RotatingSettings,
+) -> Judgement:
+    """Weigh what was found; `refused` says why no coefficient is given, and is empty where they are."""
+    said = Judgement()
+    if refused:
+        said.verdict = "rejected"
+        said.reasons.append(f"No coefficient is given: {refused}.")
+    for group in groups:
+        if not refused:
+            said.reasons += summary(group, settings)
+            _doubts(said, group)
+    for entry in consistency:
+        if not refused and entry.contradicts:
+            said.warn(entry.sentence)
+    _left_out(said, left_out)
+    grave = [q for q in quality if q.level != "note"]
+    for finding in grave[:_TOLD]:
+        where = f"Run {finding.run}: " if finding.run else ""
+        said.warn(f"{where}{finding.message}" if where else finding.message[:1].upper() + finding.message[1:])
+    if len(grave) > _TOLD:
+        said.warn(f"{len(grave) - _TOLD} more warnings stand among the quality findings.")
+    return said
+
+
+def summary(group: LoadGroup, settings: RotatingSettings) -> list[str]:
+    """Return the verdict lines of one static load."""
+    trusted = group.trusted
+    parts = []
+    limit = trusted.limit if trusted else None
+    if limit is not None and limit.ratio is not None and limit.displacement is not None:
+        parts.append(
+            f"linear up to rho = {limit.ratio:.3g} (THD {100 * settings.thd_nonlinear:g} %), |d| = "
+            f"{1e6 * limit.displacement:.3g} um{_clearance(group, limit.displacement)}"
+        )
+    highest = group.highest
+    at = _highest(group)
+    distortion = group.distortions.get(highest.run)
+    if distortion is not None:
+        parts.append(f"at {at} the orbit is {word_of(distortion.value, settings)} (THD {100 * distortion.value:.2g} %)")
+    if trusted is not None:
+        parts.append(_law(trusted))
+    lines = [f"{group.label}: {'; '.join(parts)}."] if parts else []
+    if highest.motion is not None and not group.selected.model.is_linear:
+        lines.append(f"{group.label}: {_second_order(group, at)}")
+    return lines
+
+
+def _law(group: LoadGroup) -> str:
+    fit = group.selected
+    kind = "linear" if fit.model.is_linear else "quadratic"
+    richer = [f.name for f in group.fits if f.size > fit.size and f.model.holds(fit.model)]
+    needed = f"; {richer[0]} is not needed" if richer else ""
+    return f"the {kind} law {fit.name} fits to {1e6 * fit.rms:.2g} um{needed}"
+
+
+def _second_order(group: LoadGroup, at: str) -> str:
+    """Say what the 2X orbit of the largest load means for the form of the law."""
+    assert group.highest.motion is not None
+    value, sd, is_open = openness(group.highest.motion)
+    if is_open:
+        return (
+            f"the 2X orbit at {at} is open ({100 * value:.2g} ± {196 * sd:.1g} %): eqs (3) and (4) are not enough, mixed "
+            "terms are needed."
+        )
+    enough = "eqs (3) and (4) are enough" if group.comparison.passes else "and yet no quadratic law holds"
+    return f"the 2X orbit at {at} is a line within its error: {enough}."
+
+
+def _clearance(group: LoadGroup, displacement: float) -> str:
+    told = of_clearance(group, displacement)
+    return f" = {told[2:].replace(' of the clearance', ' c')}" if told else ""
+
+
+def word_of(thd: float, settings: RotatingSettings) -> str:
+    """Return what a THD means."""
+    if thd < settings.thd_linear:
+        return "linear"
+    return "marginal" if thd <= settings.thd_nonlinear else "nonlinear"
+
+
+def _doubts(said: Judgement, group: LoadGroup) -> None:
+    fit = group.selected
+    if not group.comparison.passes:
+        lower = f" The coefficients come from the ratios up to {_highest(group.lower)}." if group.lower else ""
+        said.warn(
+            f"{group.label}: a quadratic law is not enough up to {_highest(group)}: {fit.name}, the best, leaves "
+            f"{1e6 * fit.rms:.2g} um rms, {math.sqrt(fit.chi2_reduced):.2g} times the noise (chi2 per degree of freedom "
+            f"{fit.chi2_reduced:.3g}): cubic content.{lower}"
+        )
+        if group.lower is None:
+            said.advise("Lower the load ratio until a quadratic law fits, then add ratios upwards.")
+            return
+        fit = group.lower.selected
+    free = [name for name, row in zip(fit.estimates, fit.model.matrix, strict=True) if row.any()]
+    lost = [name for name in free if not fit.estimates[name].determined]
+    if lost:
+        said.warn(f"{group.label}: not determined: {listing(lost)}; {fit.estimates[lost[0]].reason}.")
+        if not fit.mean_shift_seen:
+            said.advise(
+                "Hold 60 s at zero dynamic force before and after the turns, with ramps between: this shows the static "
+                "equilibrium, on which kxx2 + kxy2 and kyx2 + kyy2 depend. Another load ratio does too."
+            )
+    margin = fit.fold_margin
+    if not margin > _NEAR_FOLD:
+        said.warn(
+            f"{group.label}: on the orbit det J falls to {margin:.2g} of det K: the quadratic law is close to its fold, "
+            "beyond which it has no equilibrium, and is not to be used at higher ratios."
+        )
+    noises = group.selected.noises
+    weakest = min(t.amplitude / float(np.mean(n.sigma)) for t, n in zip(group.runs, noises, strict=True))
+    if weakest < 5.0:
+        said.warn(f"{group.label}: the smallest orbit is only {weakest:.2g} times the noise of the displacement.")
+    if group.static_load is None:
+        said.warn("The static load is not known (neither static_load nor force_static): load ratios have no meaning.")
+        said.advise("Give static_load for each run: in the log, in runs.csv or in the recipe.")
+
+
+def _highest(group: LoadGroup) -> str:
+    record = group.highest.record
+    return f"{100 * record.ratio:.2g} %" if record.ratio else f"{record.rotation.size:.4g} N"
+
+
+def _left_out(said: Judgement, left_out: dict[str, str]) -> None:
+    for run, reason in list(left_out.items())[:_TOLD]:
+        said.warn(f"Run {run} is left out: {reason.rstrip('.')}.")
+    if len(left_out) > _TOLD:
+        said.warn(f"{len(left_out) - _TOLD} more runs are left out, see the quality findings.")
