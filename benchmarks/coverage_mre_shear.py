@@ -8,14 +8,12 @@ claimed spread, and rms error in per cent (force lag: microseconds). Loop metric
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections import defaultdict
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import numpy as np
-
+from benchmarks.coverage import parser, seeds_of, table
 from pipeline.estimation.estimate import Estimate
 from pipeline.rigs.mre.harmonic_fit import FitOptions, Identification, identify_loops
 from pipeline.rigs.mre.loop import Loop, Pads, fit_loop, loop_metrics
@@ -27,15 +25,14 @@ _METRICS += ("shear_modulus_loss", "loop_area", "amplitude", "force_amplitude")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("seeds", nargs="?", type=int, default=100)
-    parser.add_argument("--scatter", type=float, default=None, help="relative gain scatter; default: 0, then 0.004")
-    parser.add_argument("--campaign", default="full", choices=("full", "smallest"))
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    arguments = parser.parse_args()
+    options = parser(__doc__)
+    options.add_argument("--scatter", type=float, default=None, help="relative gain scatter; default: 0, then 0.004")
+    options.add_argument("--campaign", default="full", choices=("full", "smallest"))
+    arguments = options.parse_args()
     for scatter in (0.0, 0.004) if arguments.scatter is None else (arguments.scatter,):
         print(f"\n{arguments.campaign} campaign, gain scatter {100 * scatter:g} %, {arguments.seeds} seeds")
-        print(table(study(range(arguments.first, arguments.first + arguments.seeds), scatter, arguments.campaign)))
+        found = study(seeds_of(arguments), scatter, arguments.campaign)
+        print(table(found, {"force_lag": (1e-6, "us")}))
 
 
 def study(seeds: range, scatter: float, campaign: str) -> dict[str, list[tuple[Estimate, float]]]:
@@ -97,24 +94,6 @@ def metric_pairs(
         actual = {e.name: e.value for e in loop_metrics(true_loop(truth, run, loop.frequency), pads=PADS)}
         pairs += [(e.name, (e, float(actual[e.name] or 0.0))) for e in claimed]
     return pairs
-
-
-def table(found: dict[str, list[tuple[Estimate, float]]]) -> str:
-    lines = [f"{'':24} {'covered':>12} {'bias/se':>8} {'spread/se':>9} {'rms error':>10}   undetermined"]
-    for name, pairs in found.items():
-        known = [(e, t) for e, t in pairs if e.value is not None and e.ci95 is not None]
-        error = np.array([float(e.value or 0.0) - t for e, t in known])
-        sd = np.array([e.std_error if e.std_error else np.nan for e, _ in known])
-        size = np.array([1e-4 if name == "force_lag" else abs(t) or np.nan for _, t in known])
-        covered = sum(e.ci95[0] <= t <= e.ci95[1] for e, t in known if e.ci95 is not None)
-        z = error / sd
-        z = z[np.isfinite(z)]
-        bias, spread = (f"{z.mean():8.2f}", f"{z.std():9.2f}") if z.size else (f"{'':8}", f"{'':9}")
-        rms = 100 * np.sqrt(np.mean((error / size) ** 2))
-        unit = "us" if name == "force_lag" else "% "
-        none = len(pairs) - len(known) or ""
-        lines.append(f"{name:24} {covered:5d} of {len(known):<4d} {bias} {spread} {rms:8.3f} {unit}   {none}")
-    return "\n".join(lines)
 
 
 if __name__ == "__main__":

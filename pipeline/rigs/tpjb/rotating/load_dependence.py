@@ -94,7 +94,11 @@ class StiffnessOfLoad:
 
     def slope(self, load: float) -> tuple[np.ndarray, np.ndarray]:
         """Return dk/dW of the four at a load, and its standard error, shape (4,) each, 1/m."""
-        told = [self._told(j, lambda c, j=j: self._slope(j, c, load)) for j in range(4)]
+
+        def of(j: int) -> Callable[[np.ndarray], float]:
+            return lambda c: self._slope(j, c, load)
+
+        told = [self._told(j, of(j)) for j in range(4)]
         return np.array([value for value, _ in told]), np.array([error for _, error in told])
 
     def rise(self, low: float, high: float) -> tuple[float, float]:
