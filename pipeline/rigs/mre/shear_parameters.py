@@ -154,7 +154,7 @@ def run_metrics(usable: UsableRun, fit: DynamicFit | None) -> list[Estimate]:
     lag = fit.force_lag if fit is not None and not fit.rejected else None
     known = lag is not None and lag.value is not None
     scattered = fit is not None and not fit.rejected
-    return loop_metrics(
+    found = loop_metrics(
         usable.loop,
         force_lag=float(lag.value or 0.0) if known and lag else 0.0,
         force_lag_sd=float(lag.std_error or 0.0) if known and lag else 0.0,
@@ -162,6 +162,13 @@ def run_metrics(usable: UsableRun, fit: DynamicFit | None) -> list[Estimate]:
         scatter_dof=fit.scatter.dof if scattered and fit else math.inf,
         pads=usable.pads,
     )
+    if known:
+        return found
+    stiffness = next((e.value for e in found if e.name == "stiffness_storage" and e.value is not None), None)
+    if stiffness is None:
+        return found
+    lost = f"the lag of the force is not known and not in the interval: 10 us take {1e-5 * abs(stiffness):.2g} N s/m from it"
+    return [replace(e, reason=e.reason or lost) if e.name == "damping" and e.determined else e for e in found]
 
 
 def loop_parameters(runs: SortedRuns, fit: DynamicFit | None) -> list[Parameter]:
