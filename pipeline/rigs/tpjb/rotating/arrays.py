@@ -14,9 +14,9 @@ from pipeline.rigs.tpjb.rotating.consistency import Consistency
 from pipeline.rigs.tpjb.rotating.group import LoadGroup, model_orbit
 from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
 from pipeline.rigs.tpjb.rotating.linear_limit import model_distortion
-from pipeline.rigs.tpjb.rotating.model_fit import ModelFit
+from pipeline.rigs.tpjb.rotating.model_fit import LawFit, ModelFit
 from pipeline.rigs.tpjb.rotating.orbit import circularity, openness
-from pipeline.rigs.tpjb.rotating.parameters import axis_sigma, clearance_of
+from pipeline.rigs.tpjb.rotating.parameters import axis_sigma, candidate_of, clearance_of
 from pipeline.rigs.tpjb.rotating.turns import Turns
 
 _ORDERS = np.arange(0.1, 8.01, 0.1)
@@ -33,7 +33,8 @@ def arrays_of(
         "samples": [_samples(group, turns, clearances) for group, turns in pairs],
         "model_orbits": [part for group, turns in pairs for part in _model_orbits(group, turns)],
         "limit": [_limit(group) for group in groups if group.static_load and not group.selected.model.is_linear],
-        "models": [_model(group, fit) for group in groups for fit in group.fits],
+        "models": [_model(group, fit) for group in groups for fit in group.fits]
+        + [_load_model(group, fit) for group in groups for fit in group.dependent],
         "harmonics": [_harmonics(turns) for _, turns in pairs if turns.motion is not None],
         "axis_harmonics": [_axis_harmonics(turns) for _, turns in pairs if turns.motion is not None],
         "spectra": [_spectrum(turns) for _, turns in pairs if turns.motion is not None],
@@ -186,6 +187,26 @@ def _model(group: LoadGroup, fit: ModelFit) -> dict[str, Any]:
         free = bool(fit.model.matrix[j].any())
         row[name], row[f"{name}_sd"] = (fit.p[j], sd[j]) if free else (math.nan, math.nan)
     return row
+
+
+def _load_model(group: LoadGroup, fit: LawFit) -> dict[str, Any]:
+    """A load-dependent form: what it shares with the models."""
+    best = group.comparison.best
+    pairs = zip(fit.paths, best.paths, group.runs, strict=True)
+    effect = max(float(np.sqrt(((a.residual - b.residual) ** 2).mean())) / t.amplitude for a, b, t in pairs)
+    row: dict[str, Any] = {
+        "group": group.label,
+        "model": fit.name,
+        "selected": False,
+        "hidden": "",
+        "n_parameters": fit.size,
+        "chi2_reduced": fit.chi2_reduced,
+        "bic": candidate_of(group, fit).bic,
+        "rms": fit.rms,
+        "effect": effect,
+        "at_bound": ", ".join(fit.at_bound),
+    }
+    return row | dict(zip(fit.law.free, fit.theta.tolist(), strict=True))
 
 
 def _comparison(entry: Consistency) -> dict[str, Any]:

@@ -34,6 +34,10 @@ class Law(Protocol):
         """Short name."""
 
     @property
+    def text(self) -> str:
+        """What it holds, in a few words."""
+
+    @property
     def free(self) -> tuple[str, ...]:
         """Names of the free coefficients."""
 

@@ -14,6 +14,8 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.tpjb.rotating import law
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.linear_limit import Distortion, Limit, linear_limit, nonlinear_distortion
+from pipeline.rigs.tpjb.rotating.load_dependence import StiffnessOfLoad
+from pipeline.rigs.tpjb.rotating.load_models import fit_load_models
 from pipeline.rigs.tpjb.rotating.model_fit import LawFit, ModelFit, fit_model
 from pipeline.rigs.tpjb.rotating.models import M2, MODELS
 from pipeline.rigs.tpjb.rotating.noise import orbit_noise
@@ -89,11 +91,15 @@ class LoadGroup:
         return self.runs[-1]
 
     @property
+    def bearing(self) -> str:
+        """Which bearing; empty where the runs do not say."""
+        return str(self.runs[0].record.conditions.get("bearing", ""))
+
+    @property
     def label(self) -> str:
         """Short name for tables: '40 kN'."""
         load = f"{self.static_load / 1e3:.4g} kN" if self.static_load else "unknown static load"
-        bearing = self.runs[0].record.conditions.get("bearing")
-        return f"{bearing}, {load}" if bearing else load
+        return f"{self.bearing}, {load}" if self.bearing else load
 
     @cached_property
     def index(self) -> dict[str, int]:
@@ -127,6 +133,18 @@ def fit_group(at: OperatingPoint, runs: Sequence[Turns], settings: RotatingSetti
         if lower.comparison.passes:
             return _with_distortions(replace(group, lower=lower), lower.selected.K)
     return group
+
+
+def with_load_models(group: LoadGroup, stiffness: StiffnessOfLoad) -> LoadGroup:
+    """Return the group with the load-dependent forms M1L to M4L, M1T and M2T fitted beside its models."""
+    if not group.static_load:
+        return group
+    orbits = [turns.record.orbit for turns in group.runs]
+    fits, failed = fit_load_models(orbits, stiffness, group.static_load, group.selected.noises)
+    told = [
+        QualityFinding("note", f"{group.label}: load-dependent model {name}: {why}.") for name, why in failed.items()
+    ]
+    return replace(group, dependent=tuple(fits.values()), findings=(*group.findings, *told))
 
 
 def _fit(at: OperatingPoint, ordered: Sequence[Turns], settings: RotatingSettings) -> LoadGroup:

@@ -15,11 +15,11 @@ from pipeline.rigs.experiment import Context
 from pipeline.rigs.tpjb.conditions import run_groups
 from pipeline.rigs.tpjb.rotating.arrays import arrays_of
 from pipeline.rigs.tpjb.rotating.clearance import clearances_of
-from pipeline.rigs.tpjb.rotating.consistency import consistency_of
+from pipeline.rigs.tpjb.rotating.consistency import consistency_of, stiffness_of_load
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.faults import faults_of
 from pipeline.rigs.tpjb.rotating.fit_faults import faults_of_fit, late_forces, told_delay
-from pipeline.rigs.tpjb.rotating.group import LoadGroup, fit_group
+from pipeline.rigs.tpjb.rotating.group import LoadGroup, fit_group, with_load_models
 from pipeline.rigs.tpjb.rotating.orientation import orientation_of, unit_findings
 from pipeline.rigs.tpjb.rotating.parameters import models_of, parameters_of
 from pipeline.rigs.tpjb.rotating.published import published
@@ -67,10 +67,12 @@ def identify(recordings: Sequence[Recording], settings: RotatingSettings, contex
         groups += _fitted(at, [runs.turns[r.run] for r in members], settings, runs)
     if not groups:
         raise InputError(_nothing_usable(runs, recordings, context))
+    stiffness = stiffness_of_load(groups, context.uses)
+    groups = [with_load_models(g, stiffness[g.bearing][0]) if g.bearing in stiffness else g for g in groups]
     if not refused:
         for group in groups:
             runs.quality += faults_of_fit(group)
-    consistency = consistency_of(groups, context.uses)
+    consistency = consistency_of(groups, context.uses, stiffness)
     clearances = clearances_of(context.uses, recordings)
     main = max(groups, key=lambda group: (group.highest.record.ratio or 0.0, group.highest.record.rotation.size))
     judgement = judge(groups, consistency, runs.left_out, runs.quality, refused, settings)

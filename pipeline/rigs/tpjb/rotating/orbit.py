@@ -149,30 +149,35 @@ def rotation(time: np.ndarray, force: np.ndarray) -> Rotation:
 
 
 def _steady(time: np.ndarray, f: np.ndarray, full: np.ndarray, speed: float) -> np.ndarray:
-    """Return the mask of the longest stretch at full load, whatever ellipse the load describes."""
+    """Return the mask of the longest stretch at full load, whatever ellipse the load describes.
+
+    Loads that wander dip below the threshold for a while: it makes room for their scatter, and dips of
+    a twentieth of a turn do not end the stretch.
+    """
     t, inside = time[full], f[full]
+    hole = max(round(0.05 * 2 * np.pi / (abs(speed) * float(np.median(np.diff(time))))), 3)
     for _ in range(3):
         turning = np.exp(1j * speed * (t - time[0]))
         Z = np.linalg.lstsq(np.stack([turning, turning.conj()], axis=1), inside, rcond=None)[0]
         turning = np.exp(1j * speed * (time - time[0]))
         expected = np.abs(Z[0] * turning + Z[1] * turning.conj())
-        enough = np.abs(f) > _STEADY * np.maximum(expected, DWELL * np.abs(Z).max())
-        steady = _longest(_closed(enough))
+        share = np.abs(f) / np.maximum(expected, DWELL * np.abs(Z).max())
+        scatter = 1.4826 * float(np.median(np.abs(share[full] - np.median(share[full]))))
+        steady = _longest(_closed(share > min(_STEADY, 1 - 3 * min(scatter, 0.1)), hole))
         t, inside = time[steady], f[steady]
     mask = np.zeros(time.size, dtype=bool)
     mask[steady] = True
     return mask
 
 
-def _closed(mask: np.ndarray) -> np.ndarray:
-    """Fill holes of up to 3 samples: noise takes single samples below a threshold."""
+def _closed(mask: np.ndarray, hole: int = 3) -> np.ndarray:
+    """Fill holes of up to `hole` samples between others: noise takes samples below a threshold."""
+    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(int)))
     closed = mask.copy()
-    for hole in (1, 2, 3):
-        closed[:-hole] |= mask[hole:]
-    both = closed.copy()
-    for hole in (1, 2, 3):
-        both[hole:] &= closed[:-hole] | mask[hole:]
-    return both
+    for end, start in zip(edges[1:-1:2], edges[2::2], strict=True):
+        if start - end <= hole:
+            closed[end:start] = True
+    return closed
 
 
 def _longest(mask: np.ndarray) -> np.ndarray:

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 
 from pipeline.errors import counted, listing
 from pipeline.estimation.estimate import Estimate, estimate
+from pipeline.estimation.selection import Candidate
 from pipeline.findings import ModelResult, Parameter
 from pipeline.findings.findings import OperatingPoint
 from pipeline.rigs.tpjb.rotating.declaration import PARAMETERS
 from pipeline.rigs.tpjb.rotating.group import LoadGroup
 from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
-from pipeline.rigs.tpjb.rotating.model_fit import LawFit, ModelFit
+from pipeline.rigs.tpjb.rotating.model_fit import LawFit
 from pipeline.rigs.tpjb.rotating.turns import Turns
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
@@ -192,8 +193,8 @@ def models_of(groups: Sequence[LoadGroup], main: LoadGroup | None) -> list[Model
                     rms_residual=fit.rms,
                     nrmse=fit.nrmse,
                     chi2_reduced=fit.chi2_reduced,
-                    aicc=_criterion(group, fit, "aicc"),
-                    bic=_criterion(group, fit, "bic"),
+                    aicc=candidate_of(group, fit).aicc,
+                    bic=candidate_of(group, fit).bic,
                     cv_error=group.prediction if chosen else None,
                     description=_model_text(group, fit, chosen),
                 )
@@ -201,12 +202,15 @@ def models_of(groups: Sequence[LoadGroup], main: LoadGroup | None) -> list[Model
     return found
 
 
-def _criterion(group: LoadGroup, fit: LawFit, name: str) -> float | None:
-    """Return AICc or BIC; None for the load-dependent forms, which compete in misfit only."""
-    return float(getattr(group.comparison.candidate(fit.name), name)) if fit.name in group.comparison.fits else None
+def candidate_of(group: LoadGroup, fit: LawFit) -> Candidate:
+    """Return the criteria of a model; those of a load-dependent form count correlated samples as its rivals do."""
+    if fit.name in group.comparison.fits:
+        return group.comparison.candidate(fit.name)
+    rival = group.comparison.candidate(group.selected.name)
+    return Candidate(fit.name, fit.chi2 * rival.chi2 / group.selected.chi2, rival.n_data, fit.size)
 
 
 def _model_text(group: LoadGroup, fit: LawFit, chosen: bool) -> str:
-    text = fit.model.text if isinstance(fit, ModelFit) else "stiffness that depends on the load"
+    text = fit.law.text
     runs = f"joint fit to {len(group.runs)} ratios" if len(group.runs) > 1 else "fit to one run"
     return f"{text}; {runs}" + ("; chosen at this static load" if chosen else "")

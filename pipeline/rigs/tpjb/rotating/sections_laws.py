@@ -50,8 +50,8 @@ def _criteria(group: str, part: pd.DataFrame, number: int) -> Table:
         rows.append(
             [
                 row["model"], int(row["n_parameters"]), float(f"{row['chi2_reduced']:.4g}"), round(float(row["bic"])),
-                float(f"{row['rms']:.3g}"), float(f"{row['effect']:.3g}"), float(f"{row['fold_margin']:.3g}"),
-                float(f"{row['mean_shift_x']:.3g}"), float(f"{row['mean_shift_y']:.3g}"), state,
+                float(f"{row['rms']:.3g}"), float(f"{row['effect']:.3g}"), _three(row["fold_margin"]),
+                _three(row["mean_shift_x"]), _three(row["mean_shift_y"]), state,
             ]
         )  # fmt: skip
     return Table(
@@ -196,12 +196,12 @@ def of_consistency(findings: Findings) -> list[Figure | Table | Text]:
         for _, row in part.iterrows():
             rows.append(
                 [
-                    row["group"], row["name"], Value(row["left"], _positive(row["left_sd"])),
-                    Value(row["right"], _positive(row["right_sd"])), row["unit"], f"{row['z']:+.1f}",
-                    Status.agrees if row["holds"] else Status.contradicts,
+                    row["group"], row["name"], Value(None if pd.isna(row["left"]) else float(row["left"]), _positive(row["left_sd"])),
+                    Value(row["right"], _positive(row["right_sd"])), row["unit"], "" if pd.isna(row["z"]) else f"{row['z']:+.1f}",
+                    Status.not_checkable if pd.isna(row["z"]) else Status.agrees if row["holds"] else Status.contradicts,
                 ]
             )  # fmt: skip
-        meanings = list(dict.fromkeys(part.loc[~part["holds"], "meaning"]))
+        meanings = list(dict.fromkeys(part.loc[part["holds"].isin([False]), "meaning"]))
         said = " ".join(f"Where it fails: {meaning}." for meaning in meanings)
         tables.append(
             Table(
