@@ -49,9 +49,7 @@ def read(path: Path) -> Findings:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise InputError(
-            f"{path}: not findings as rigfit writes them: {place}: {first['msg']}. {_ANEW}"
-        ) from error
+        raise InputError(f"{path}: not findings as rigfit writes them: {place}: {first['msg']}. {_ANEW}") from error
     for file in sorted((path.parent / "arrays").glob("*.parquet")):
         try:
             findings.arrays[file.stem] = pd.read_parquet(file)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
@@ -138,6 +139,27 @@ class Context:
 
     campaign: str
     uses: Mapping[str, Findings]
+
+
+@dataclass(frozen=True)
+class Later:
+    """A function that is imported when it is first called, so that listing experiments stays fast.
+
+    `address` is where it stands, as ``pipeline.rigs.mre.shear_identify:identify``.
+    """
+
+    address: str
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function."""
+        return self.function(*arguments)
+
+    @property
+    def function(self) -> Callable[..., Any]:
+        """The function itself."""
+        module, _, name = self.address.partition(":")
+        found: Callable[..., Any] = getattr(import_module(module), name)
+        return found
 
 
 @dataclass(frozen=True)

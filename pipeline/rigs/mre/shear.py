@@ -6,15 +6,11 @@ Without the conditions that belong to the pads, any hysteretic device on a shake
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from pipeline.findings import Findings
-from pipeline.findings.figures import Section
-from pipeline.recording import QualityFinding, Recording
-from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Context, Experiment, ParameterSpec, Range, Settings
+from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Experiment, Later, ParameterSpec, Range, Settings
 from pipeline.rigs.mre.references import (
     BRANCATI_2019,
     GOLUB_PEREYRA_1973,
@@ -113,37 +109,6 @@ PARAMETERS = (
     ParameterSpec("loss_ratio", "W/W_l", "1", "lost over loading work of one half cycle", _PER_RUN),
 )
 
-
-def _identify(recordings: Sequence[Recording], settings: ShearSettings, context: Context) -> Findings:
-    from pipeline.rigs.mre.shear_identify import identify
-
-    return identify(recordings, settings, context)
-
-
-def _synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:
-    from pipeline.rigs.mre.synthetic import synthesize_shear
-
-    return synthesize_shear(truth, seed)
-
-
-def _sections(findings: Findings) -> Sequence[Section]:
-    from pipeline.rigs.mre.shear_sections import sections
-
-    return sections(findings)
-
-
-def _methods(findings: Findings) -> Sequence[str]:
-    from pipeline.rigs.mre.shear_methods import methods
-
-    return methods(findings)
-
-
-def _check(recording: Recording) -> Sequence[QualityFinding]:
-    from pipeline.rigs.mre.shear_check import check
-
-    return check(recording)
-
-
 SHEAR = Experiment(
     id="mre.shear",
     title="Shear of magneto-rheological elastomer pads",
@@ -153,9 +118,9 @@ SHEAR = Experiment(
     conditions=CONDITIONS,
     parameters=PARAMETERS,
     settings=ShearSettings,
-    identify=_identify,
-    synthesize=_synthesize,
-    sections=_sections,
-    methods=_methods,
-    check=_check,
+    identify=Later("pipeline.rigs.mre.shear_identify:identify"),
+    synthesize=Later("pipeline.rigs.mre.synthetic:synthesize_shear"),
+    sections=Later("pipeline.rigs.mre.shear_sections:sections"),
+    methods=Later("pipeline.rigs.mre.shear_methods:methods"),
+    check=Later("pipeline.rigs.mre.shear_check:check"),
 )
