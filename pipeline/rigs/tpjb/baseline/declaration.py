@@ -5,15 +5,9 @@ Only the declaration stands here; `identify` does the work, so that listing expe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 from pydantic import Field
 
-from pipeline.findings import Findings
-from pipeline.findings.figures import Section
-from pipeline.recording import Recording
-from pipeline.rigs.experiment import Context, Experiment, ParameterSpec, Settings
+from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Settings
 from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, channels
 
 
@@ -31,30 +25,6 @@ PARAMETERS = (
 )
 
 
-def _identify(recordings: Sequence[Recording], settings: BaselineSettings, context: Context) -> Findings:
-    from pipeline.rigs.tpjb.baseline.identify import identify
-
-    return identify(recordings, settings, context)
-
-
-def _synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:
-    from pipeline.rigs.tpjb.baseline.synthetic import synthesize
-
-    return synthesize(truth, seed)
-
-
-def _sections(findings: Findings) -> Sequence[Section]:
-    from pipeline.rigs.tpjb.baseline.sections import sections
-
-    return sections(findings)
-
-
-def _methods(findings: Findings) -> Sequence[str]:
-    from pipeline.rigs.tpjb.baseline.methods import methods
-
-    return methods(findings)
-
-
 BASELINE = Experiment(
     id="tpjb.baseline",
     title="Stator mass and stabiliser stiffness",
@@ -64,8 +34,8 @@ BASELINE = Experiment(
     conditions=CONDITIONS,
     parameters=PARAMETERS,
     settings=BaselineSettings,
-    identify=_identify,
-    synthesize=_synthesize,
-    sections=_sections,
-    methods=_methods,
+    identify=Later("pipeline.rigs.tpjb.baseline.identify:identify"),
+    synthesize=Later("pipeline.rigs.tpjb.baseline.synthetic:synthesize"),
+    sections=Later("pipeline.rigs.tpjb.baseline.sections:sections"),
+    methods=Later("pipeline.rigs.tpjb.baseline.methods:methods"),
 )

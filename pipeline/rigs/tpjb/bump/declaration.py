@@ -5,15 +5,9 @@ Only the declaration stands here; `identify` does the work, so that listing expe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 from pydantic import Field
 
-from pipeline.findings import Findings
-from pipeline.findings.figures import Section
-from pipeline.recording import QualityFinding, Recording
-from pipeline.rigs.experiment import Context, Experiment, ParameterSpec, Reference, Settings
+from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
 from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, channels
 
 
@@ -71,36 +65,6 @@ GEYER_1992 = Reference(
 )
 
 
-def _identify(recordings: Sequence[Recording], settings: BumpSettings, context: Context) -> Findings:
-    from pipeline.rigs.tpjb.bump.identify import identify
-
-    return identify(recordings, settings, context)
-
-
-def _synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:
-    from pipeline.rigs.tpjb.bump.synthetic import synthesize
-
-    return synthesize(truth, seed)
-
-
-def _sections(findings: Findings) -> Sequence[Section]:
-    from pipeline.rigs.tpjb.bump.sections import sections
-
-    return sections(findings)
-
-
-def _methods(findings: Findings) -> Sequence[str]:
-    from pipeline.rigs.tpjb.bump.methods import methods
-
-    return methods(findings)
-
-
-def _check(recording: Recording) -> Sequence[QualityFinding]:
-    from pipeline.rigs.tpjb.bump.record import check
-
-    return check(recording)
-
-
 BUMP = Experiment(
     id="tpjb.bump",
     title="Bump test of a tilting pad bearing",
@@ -110,9 +74,9 @@ BUMP = Experiment(
     conditions=CONDITIONS,
     parameters=PARAMETERS,
     settings=BumpSettings,
-    identify=_identify,
-    synthesize=_synthesize,
-    sections=_sections,
-    methods=_methods,
-    check=_check,
+    identify=Later("pipeline.rigs.tpjb.bump.identify:identify"),
+    synthesize=Later("pipeline.rigs.tpjb.bump.synthetic:synthesize"),
+    sections=Later("pipeline.rigs.tpjb.bump.sections:sections"),
+    methods=Later("pipeline.rigs.tpjb.bump.methods:methods"),
+    check=Later("pipeline.rigs.tpjb.bump.record:check"),
 )

@@ -5,15 +5,9 @@ Only the declaration stands here; `identify` does the work, so that listing expe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 from pydantic import Field
 
-from pipeline.findings import Findings
-from pipeline.findings.figures import Section
-from pipeline.recording import Recording
-from pipeline.rigs.experiment import Context, Experiment, ParameterSpec, Reference, Settings
+from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
 from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, channels
 
 
@@ -82,30 +76,6 @@ DIMOND_2009 = Reference(
 )
 
 
-def _identify(recordings: Sequence[Recording], settings: DynamicSettings, context: Context) -> Findings:
-    from pipeline.rigs.tpjb.dynamic.identify import identify
-
-    return identify(recordings, settings, context)
-
-
-def _synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:
-    from pipeline.rigs.tpjb.dynamic.synthetic import synthesize
-
-    return synthesize(truth, seed)
-
-
-def _sections(findings: Findings) -> Sequence[Section]:
-    from pipeline.rigs.tpjb.dynamic.sections import sections
-
-    return sections(findings)
-
-
-def _methods(findings: Findings) -> Sequence[str]:
-    from pipeline.rigs.tpjb.dynamic.methods import methods
-
-    return methods(findings)
-
-
 DYNAMIC = Experiment(
     id="tpjb.dynamic",
     title="Dynamic coefficients of a tilting pad bearing",
@@ -115,8 +85,8 @@ DYNAMIC = Experiment(
     conditions=CONDITIONS,
     parameters=PARAMETERS,
     settings=DynamicSettings,
-    identify=_identify,
-    synthesize=_synthesize,
-    sections=_sections,
-    methods=_methods,
+    identify=Later("pipeline.rigs.tpjb.dynamic.identify:identify"),
+    synthesize=Later("pipeline.rigs.tpjb.dynamic.synthetic:synthesize"),
+    sections=Later("pipeline.rigs.tpjb.dynamic.sections:sections"),
+    methods=Later("pipeline.rigs.tpjb.dynamic.methods:methods"),
 )
