@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 X, Y = Axis("x, horizontal", "m"), Axis("y, vertical", "m")
 _FORCE = Axis("size of the turning force", "N")
-# A pad is drawn as a bar that long, over the distance of its side.
-_PAD_LENGTH = 0.45
+# A pad is drawn as a block: half its length, its gap to the side and its thickness over the clearance.
+_PAD_LENGTH, _PAD_GAP, _PAD_THICKNESS = 0.4, 0.06, 0.1
 
 
 def sections(findings: Findings) -> Sequence[Section]:
@@ -72,7 +72,7 @@ def _clearance(findings: Findings, bearing: str) -> list[Figure | Table | Text]:
         marks += _pads(side)
         for k, level in enumerate(sorted(orbit["level"].unique())):
             part = orbit[orbit["level"] == level]
-            marks.append(Line(*_broken(part), k, f"{part['force'].iloc[0]:.4g} N"))
+            marks.append(Line(*_broken(part), k, _newtons(part["force"].iloc[0])))
         if side["center_x"].notna().all():
             marks.append(
                 Points(side["center_x"].to_numpy()[:1], side["center_y"].to_numpy()[:1], "reference", "centre")
@@ -82,7 +82,7 @@ def _clearance(findings: Findings, bearing: str) -> list[Figure | Table | Text]:
         f"orbits_{bearing}" if bearing else "orbits",
         _title("Orbits in the clearance", bearing),
         "Does the stator go all round the clearance? Displacement of the stator against the shaft, absolute, from the zero "
-        "of the probes; one colour a force. The tinted polygon is the clearance at no force, the bars are the pads, drawn at "
+        "of the probes; one colour a force. The tinted polygon is the clearance at no force, the blocks are the pads, drawn at "
         "the side where the stator meets them (opposite to where they stand on the stator).",
         "orbits at each force inside the clearance polygon with the pads, one panel a probe plane, equal axes",
         panels,
@@ -93,7 +93,7 @@ def _clearance(findings: Findings, bearing: str) -> list[Figure | Table | Text]:
         "centre and the first harmonic of the side distances look alike, so the distances are normalised to sum c_i n_i = 0; "
         "with four pads the two of an opposed pair are then equal by definition, and only their common width is measured."
     )
-    return [figure, _sides_table(findings, bearing, sides), Text([told])]
+    return [figure, *_corner(orbits, polygons, bearing), _sides_table(findings, bearing, sides), Text([told])]
 
 
 def _broken(part: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
@@ -106,27 +106,65 @@ def _broken(part: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _pads(side: pd.DataFrame) -> list[Mark]:
-    x, y, at_x, at_y, texts = [], [], [], [], []
-    for row in side[side["touched"]].to_dict("records"):
+    """Return each pad as a block outside its side, with its number."""
+    marks: list[Mark] = []
+    labels: list[np.ndarray] = []
+    shown = side[side["touched"]].to_dict("records")
+    for row in shown:
         n = np.array([row["normal_x"], row["normal_y"]])
         t = np.array([-n[1], n[0]])
         centre = np.array([row["center_x"], row["center_y"]])
-        along = float(t @ centre) if np.isfinite(centre).all() else 0.0
-        foot = n * row["place"] + t * along
-        half = _PAD_LENGTH * (row["clearance"] if math.isfinite(row["clearance"]) else abs(row["place"]))
-        ends = foot + np.outer([-half, half], t)
-        x += [*ends[:, 0], np.nan]
-        y += [*ends[:, 1], np.nan]
-        label = foot + 0.1 * half / _PAD_LENGTH * n
-        at_x.append(label[0])
-        at_y.append(label[1])
-        texts.append(f"pad {row['side']}")
-    if not texts:
-        return []
+        c = row["clearance"] if math.isfinite(row["clearance"]) else abs(row["place"])
+        foot = n * row["place"] + t * (float(t @ centre) if np.isfinite(centre).all() else 0.0)
+        inner, outer, half = _PAD_GAP * c * n, (_PAD_GAP + _PAD_THICKNESS) * c * n, _PAD_LENGTH * c * t
+        block = foot + np.array([inner - half, inner + half, outer + half, outer - half])
+        marks.append(Outline(block[:, 0], block[:, 1], "reference", "" if marks else "pads"))
+        aside = -0.25 * c if n[0] < -0.3 else 0.0  # texts stand to the right of their point
+        labels.append(foot + (_PAD_GAP + 2.2 * _PAD_THICKNESS) * c * n + np.array([aside, 0.0]))
+    if labels:
+        x, y = np.array(labels).T
+        marks.append(Points(x, y, "reference", "pads", texts=[f"pad {row['side']}" for row in shown]))
+    return marks
+
+
+def _corner(orbits: pd.DataFrame, polygons: pd.DataFrame, bearing: str) -> list[Figure]:
+    """Return the orbits near the uppermost corner of each plane, where they grow with the force."""
+    panels = []
+    for plane in sorted(orbits["plane"].unique()):
+        orbit, corner = orbits[orbits["plane"] == plane], polygons[polygons["plane"] == plane]
+        if corner.empty:
+            return []
+        points = corner[["x", "y"]].to_numpy()
+        at = points[points[:, 1].argmax()]
+        beyond = orbit[["x", "y"]].to_numpy() - at
+        reach = 2.0 * max(float(beyond[:, 1].max()), 1e-7)
+        near = (np.abs(beyond) < reach).all(axis=1)
+        marks: list[Mark] = []
+        for k, (level, part) in enumerate(orbit.groupby("level")):
+            shown = beyond[near & (orbit["level"] == level).to_numpy()]
+            marks.append(Points(shown[:, 0], shown[:, 1], k, _newtons(part["force"].iloc[0])))
+        place = int(points[:, 1].argmax())
+        for other in (points[place - 1], points[(place + 1) % len(points)]):
+            way = (other - at) / np.linalg.norm(other - at) * reach
+            marks.append(Line(np.array([0.0, way[0]]), np.array([0.0, way[1]]), "model"))
+        panels.append(
+            Panel(marks, Axis("x from the corner", "m"), Axis("y from the corner", "m"), f"plane {plane}", equal=True)
+        )
     return [
-        Line(np.array(x), np.array(y), "reference", "pads"),
-        Points(np.array(at_x), np.array(at_y), "reference", texts=texts),
+        Figure(
+            f"corner_{bearing}" if bearing else "corner",
+            _title("Growth at the upper corner", bearing),
+            "What does more force add? Block means near the uppermost corner of the polygon (lines): the stator sinks into "
+            "both pads, in proportion to the force, and the corner of the orbit becomes an arc.",
+            "orbits near one corner, enlarged, one colour a force, one panel a plane, equal axes",
+            panels,
+            columns=2,
+        )
     ]
+
+
+def _newtons(force: float) -> str:
+    return f"{force / 1000:.3g} kN" if force >= 1000 * 0.95 else f"{force:.3g} N"
 
 
 def _sides_table(findings: Findings, bearing: str, sides: pd.DataFrame) -> Table:
