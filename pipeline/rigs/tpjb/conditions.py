@@ -113,7 +113,7 @@ def static_load_of(recording: Recording) -> float | None:
     value = recording.conditions.get("static_load")
     if value is not None and value != "":
         return recording.condition("static_load")
-    return _mean(recording, "force_static")
+    return mean_of(recording, "force_static")
 
 
 def shaft_speed_of(recording: Recording) -> float | None:
@@ -121,10 +121,11 @@ def shaft_speed_of(recording: Recording) -> float | None:
     value = recording.conditions.get("shaft_speed_nominal")
     if value is not None and value != "":
         return recording.condition("shaft_speed_nominal")
-    return _mean(recording, "speed")
+    return mean_of(recording, "speed")
 
 
-def _mean(recording: Recording, channel: str) -> float | None:
+def mean_of(recording: Recording, channel: str) -> float | None:
+    """Return the mean of a channel, block by block; None where there is none, or no number in it."""
     if channel not in recording:
         return None
     total, count = 0.0, 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Settings
-from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, channels
+from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, OPERATING, channels
 
 
 class BaselineSettings(Settings):
@@ -38,4 +38,5 @@ BASELINE = Experiment(
     synthesize=Later("pipeline.rigs.tpjb.baseline.synthetic:synthesize"),
     sections=Later("pipeline.rigs.tpjb.baseline.sections:sections"),
     methods=Later("pipeline.rigs.tpjb.baseline.methods:methods"),
+    operating=OPERATING,
 )

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
-from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, channels
+from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, OPERATING, channels
 
 
 class DynamicSettings(Settings):
@@ -89,4 +89,5 @@ DYNAMIC = Experiment(
     synthesize=Later("pipeline.rigs.tpjb.dynamic.synthetic:synthesize"),
     sections=Later("pipeline.rigs.tpjb.dynamic.sections:sections"),
     methods=Later("pipeline.rigs.tpjb.dynamic.methods:methods"),
+    operating=OPERATING,
 )

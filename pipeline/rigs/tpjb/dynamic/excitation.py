@@ -18,6 +18,9 @@ PAIRS: tuple[tuple[str, str], ...] = (
 )
 PAIRS += ((ANTIPHASE, V_ONLY), (OTHER, IN_PHASE), (OTHER, ANTIPHASE))
 
+# How alike the steps of a tone's phase are from block to block before it is believed to move; 0 for noise.
+_STEADY = 0.8
+
 
 def excitation_of(force_u: np.ndarray, force_v: np.ndarray) -> list[str]:
     """Return the excitation of each block from its amplitudes along u and v, shape (B, k) each."""
@@ -71,7 +74,7 @@ def odd_blocks(names: Sequence[str], residual: np.ndarray, usable: np.ndarray) -
             if value > typical + 8 * spread and value > 1.5 * typical:
                 reason = f"holds {value / typical:.1f} times its usual noise (a jump, a spike, or the drive changed)"
                 found.setdefault(int(b), OddBlock(int(b), name, reason))
-            elif value < 0.2 * typical:
+            elif value < 0.02 * typical:
                 found.setdefault(int(b), OddBlock(int(b), name, "holds no noise (stuck or off)"))
     return [found[b] for b in sorted(found)]
 
@@ -110,10 +113,13 @@ def phase_advance(force: np.ndarray, blocks: np.ndarray) -> np.ndarray:
     `force` are amplitudes, shape (B, k, 2), of blocks numbered `blocks`.
     """
     steps = np.zeros(force.shape[1], dtype=complex)
+    sizes = np.zeros(force.shape[1])
     for i in range(blocks.size - 1):
         if blocks[i + 1] == blocks[i] + 1:
             steps += (force[i].conj() * force[i + 1]).sum(axis=1)
-    return np.where(np.abs(steps) > 0, np.angle(steps) / (2 * np.pi), 0.0)
+            sizes += np.linalg.norm(force[i], axis=1) * np.linalg.norm(force[i + 1], axis=1)
+    steady = np.abs(steps) > _STEADY * sizes
+    return np.where(steady & (sizes > 0), np.angle(steps) / (2 * np.pi), 0.0)
 
 
 def aligned(force: np.ndarray, reference: np.ndarray | None) -> np.ndarray:

@@ -16,7 +16,7 @@ from pipeline.rigs.tpjb.dynamic.inertia import inertia_of
 from pipeline.rigs.tpjb.dynamic.nonlinearity import Products, second_order, slip
 from pipeline.rigs.tpjb.dynamic.outcome import arrays_of, label_of, models_of, parameters_of, published_of
 from pipeline.rigs.tpjb.dynamic.pooling import Pool, noticed, pool
-from pipeline.rigs.tpjb.dynamic.solution import Solution, solve
+from pipeline.rigs.tpjb.dynamic.solution import Solution, sentence, solve
 
 # A slip of clocks that counts: standard errors, and seconds over the record.
 _SLIP_SIGMA, _SLIP = 5.0, 2e-6
@@ -113,7 +113,7 @@ def _verdict(solutions: Sequence[Solution], quality: Sequence[QualityFinding]) -
     told = [solution for solution in solutions if not solution.fatal]
     for solution in solutions:
         if solution.fatal:
-            reasons.append(f"{label_of(solution.pool.at)}: no coefficient is given: {solution.fatal.rstrip('.')}.")
+            reasons.append(f"{label_of(solution.pool.at)}: no coefficient is given: {sentence(solution.fatal)}")
         else:
             reasons.append(_summary(solution))
     if not told:

@@ -14,6 +14,8 @@ from pipeline.rigs.tpjb.probe_faults import probe_faults
 from pipeline.rigs.tpjb.probes import GAPS, Probes, probes_of
 
 ACCELEROMETERS = ("acc_ua", "acc_ub", "acc_va", "acc_vb")
+# Stiffness that a bearing may have, N/m.
+PLAUSIBLE = (1e7, 1e11)
 # Share of the displacement by which the planes may move apart; of the other, by which two accelerometers may.
 _PITCH, _PAIR = 0.05, 0.05
 # The stator moves about as much as it moves against the shaft, and more where the shaft is on a soft support.
@@ -41,6 +43,12 @@ def displacement_of(record: Record, recording: Recording) -> tuple[np.ndarray, n
         excluded = judged.excluded
     probes = probes_of(names, recording.conditions, excluded, record.run)
     record.quality += probes.findings
+    if len(probes.planes) < 2:
+        record.say(
+            "warning",
+            "probes in one plane only: a pitching stator would bias all coefficients by as much as that plane moves off the "
+            "middle, which cannot be seen.",
+        )
     _pitching(record, probes)
     tones, products = (
         np.stack([table[name] for name in probes.names], axis=-1) @ probes.displacement.T
@@ -77,6 +85,8 @@ def acceleration_of(record: Record, displacement: np.ndarray) -> np.ndarray | No
         rough = -(w**2) * d_uv[..., number]
         ratios = {name: _ratio(record.amplitudes[name][record.usable], rough[record.usable]) for name in names}
         sound = [name for name in names if _STATOR_RATIO[0] < ratios[name] < _STATOR_RATIO[1]]
+        # All of an axis inverted: whether they or the probes are, the impedance tells.
+        sound = sound or [name for name in names if -_STATOR_RATIO[1] < ratios[name] < -_STATOR_RATIO[0]]
         if not names:
             record.say(
                 "warning",
@@ -84,7 +94,7 @@ def acceleration_of(record: Record, displacement: np.ndarray) -> np.ndarray | No
             )
             return None
         if not sound:
-            record.say("error", _implausible(axis, ratios), names[0])
+            record.say("error", _implausible(axis, ratios) + _stiffness_hint(record, displacement), names[0])
             return None
         _say_unsound(record, axis, names, sound, ratios)
         sound = _agreeing(record, sound, ratios)
@@ -110,7 +120,7 @@ def _implausible(axis: str, ratios: dict[str, float]) -> str:
     for factor, unit in ((9.80665, "in g but read as m/s^2"), (1 / 9.80665, "in m/s^2 but read as g")):
         if _STATOR_RATIO[0] < ratio * factor < _STATOR_RATIO[1]:
             hint = f" As if it were {unit}."
-    if -_STATOR_RATIO[1] < ratio < -_STATOR_RATIO[0]:
+    if ratio < -_STATOR_RATIO[0]:
         hint = " As if its sign were inverted."
     if abs(ratio) < 0.02:
         hint = " As if it were not connected."
@@ -119,6 +129,15 @@ def _implausible(axis: str, ratios: dict[str, float]) -> str:
         f"{_STATOR_RATIO[0]:g} to {_STATOR_RATIO[1]:g} times that.{hint} Unit or sign of the acceleration? The inertia of the "
         "stator cannot be taken off."
     )
+
+
+def _stiffness_hint(record: Record, displacement: np.ndarray) -> str:
+    """Return a hint at the unit of the gaps or forces where force over displacement cannot be a bearing's."""
+    moved = float(np.linalg.norm(displacement[record.usable]))
+    stiffness = float(np.linalg.norm(record.force[record.usable])) / moved if moved > 0 else np.inf
+    if PLAUSIBLE[0] < stiffness < PLAUSIBLE[1]:
+        return ""
+    return f" Force over displacement is {stiffness:.2g} N/m: unit of the gaps (um, mil = 25.4 um) or forces?"
 
 
 def _say_unsound(record: Record, axis: str, names: list[str], sound: list[str], ratios: dict[str, float]) -> None:

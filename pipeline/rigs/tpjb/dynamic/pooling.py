@@ -8,12 +8,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.errors import InputError, listing
-from pipeline.recording import Condition, QualityFinding, Recording
+from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.tpjb.conditions import mean_of
 from pipeline.rigs.tpjb.dynamic import excitation
 from pipeline.rigs.tpjb.dynamic.motion import ACCELEROMETERS, acceleration_of, displacement_of
 from pipeline.rigs.tpjb.dynamic.record import Record, in_xy
 from pipeline.rigs.tpjb.dynamic.sorting import read_record
-from pipeline.rigs.tpjb.probes import GAPS
+from pipeline.rigs.tpjb.probes import GAPS, probes_of
+
+# Blocks that an excitation must have; share by which the static force may differ from what the run states.
+_LEAST_BLOCKS, _LOAD = 3, 0.02
 
 
 @dataclass(eq=False)
@@ -74,10 +78,6 @@ class _Gathered:
         self.acceleration.append(None if A is None else A * factor)
         self.products.append(products)
 
-    @property
-    def count(self) -> int:
-        return sum(part.shape[0] for part in self.force)
-
 
 def pool(at: dict[str, float | str | bool], members: Sequence[Recording], orders: int) -> tuple[Pool, dict[str, str]]:
     """Read the runs of one operating point; return what they hold, and why runs were left out.
@@ -89,16 +89,13 @@ def pool(at: dict[str, float | str | bool], members: Sequence[Recording], orders
     """
     records: list[tuple[Recording, Record]] = []
     left_out: dict[str, str] = {}
-    parts = []
     for recording in members:
         try:
-            record = read_record(recording, [*GAPS, *ACCELEROMETERS], orders)
-            D, products, _ = displacement_of(record, recording)
+            records.append((recording, read_record(recording, [*GAPS, *ACCELEROMETERS], orders)))
+            probes_of(records[-1][1].amplitudes, recording.conditions, run=recording.run)
         except InputError as error:
             left_out[recording.run] = str(error)
-            continue
-        records.append((recording, record))
-        parts.append((D, acceleration_of(record, D), products))
+            records = [entry for entry in records if entry[0] is not recording]
     if not records:
         raise InputError(next(iter(left_out.values())))
     kept, columns, dropped = _common_tones([record for _, record in records])
@@ -112,9 +109,20 @@ def pool(at: dict[str, float | str | bool], members: Sequence[Recording], orders
         float(np.mean(shafts)) if shafts else None,
         dropped=dropped,
     )
+    for recording, record in records:
+        _check_state(record, recording)
+    found.missing = _missing_direction(found.records)
+    if not found.missing:
+        _gather(found, records, columns)
+    return found, left_out
+
+
+def _gather(found: Pool, records: Sequence[tuple[Recording, Record]], columns: Sequence[np.ndarray]) -> None:
+    """Fill the pool with the blocks of the pair of excitations that tells both directions."""
     gathered: dict[str, _Gathered] = {}
-    for (recording, record), (D, A, products), pick in zip(records, parts, columns, strict=True):
-        _check_mode(record, recording.conditions.get("mode"))
+    for (recording, record), pick in zip(records, columns, strict=True):
+        D, products, _ = displacement_of(record, recording)
+        A = acceleration_of(record, D)
         F = in_xy(record.amplitudes["force_u"], record.amplitudes["force_v"])
         same = record.others.shape == found.products.shape and np.allclose(record.others, found.products)
         for kind, blocks in excitation.stretches(record.kinds, record.usable):
@@ -123,7 +131,6 @@ def pool(at: dict[str, float | str | bool], members: Sequence[Recording], orders
             turned = _unwound(F[rows], D[rows], None if A is None else A[rows], blocks)
             gathered.setdefault(kind, _Gathered()).add(*turned, at_products)
     _choose_pair(found, gathered)
-    return found, left_out
 
 
 def _common_tones(records: Sequence[Record]) -> tuple[np.ndarray, list[np.ndarray], dict[float, str]]:
@@ -146,9 +153,21 @@ def _common_tones(records: Sequence[Record]) -> tuple[np.ndarray, list[np.ndarra
     return first[common], [index[common] for index in near], dropped
 
 
-def _check_mode(record: Record, stated: Condition | None) -> None:
-    """Say it where the forces show another excitation than the run states."""
-    text = str(stated or "").strip().lower().replace("-", "_").replace(" ", "_").replace("inphase", "in_phase")
+def _check_state(record: Record, recording: Recording) -> None:
+    """Say it where forces show another excitation or static load than the run states."""
+    stated = recording.conditions.get("static_load")
+    measured = mean_of(recording, "force_static")
+    if isinstance(stated, float) and measured is not None and abs(measured - stated) > _LOAD * abs(stated):
+        text = f"the static force is {measured:.4g} N, the run states a static load of {stated:.4g} N."
+        record.say("warning", text, "force_static")
+    text = (
+        str(recording.conditions.get("mode") or "")
+        .strip()
+        .lower()
+        .replace("-", "_")
+        .replace(" ", "_")
+        .replace("inphase", "in_phase")
+    )
     text = text.replace("anti_phase", excitation.ANTIPHASE).replace("out_of_phase", excitation.ANTIPHASE)
     shown = {kind for kind, used in zip(record.kinds, record.usable, strict=True) if used}
     if text in (excitation.IN_PHASE, excitation.ANTIPHASE) and shown and text not in shown:
@@ -173,24 +192,36 @@ def _unwound(
     return F * factor, D * factor, None if A is None else A * factor
 
 
+def _missing_direction(records: Sequence[Record]) -> str:
+    """Return why the excitations of all runs do not tell both directions; '' where they do."""
+    counts: dict[str, int] = {}
+    for record in records:
+        for kind, blocks in excitation.stretches(record.kinds, record.usable):
+            counts[kind] = counts.get(kind, 0) + blocks.size
+    enough = {kind for kind, count in counts.items() if count >= _LEAST_BLOCKS}
+    if any(set(pair) <= enough for pair in excitation.PAIRS):
+        return ""
+    have = listing(f"{kind.replace('_', '-')} ({count} blocks)" for kind, count in counts.items())
+    off = {excitation.U_ONLY: "v", excitation.V_ONLY: "u"}
+    hint = next(
+        (f" Is the actuator along {off[kind]} off, or its force in another unit?" for kind in counts if kind in off), ""
+    )
+    return (
+        f"excitations are not independent: the runs hold {have}. One excitation in phase and one in antiphase are needed, of at "
+        f"least {_LEAST_BLOCKS} blocks each.{hint}"
+    )
+
+
 def _choose_pair(found: Pool, gathered: dict[str, _Gathered]) -> None:
-    least = 3
-    enough = {kind for kind, part in gathered.items() if part.count >= least}
-    pair: tuple[str, ...] = next((pair for pair in excitation.PAIRS if set(pair) <= enough), ())
-    if not pair:
-        have = listing(f"{kind.replace('_', '-')} ({part.count} blocks)" for kind, part in gathered.items())
-        found.missing = (
-            f"the excitations do not tell both directions: the runs hold {have}. One excitation in phase and one in "
-            f"antiphase are needed, of at least {least} blocks each."
-        )
-        pair = tuple(enough)[:1]
+    enough = {kind for kind, part in gathered.items() if sum(b.shape[0] for b in part.force) >= _LEAST_BLOCKS}
+    pair = next(pair for pair in excitation.PAIRS if set(pair) <= enough)
     parts = [gathered[kind] for kind in pair]
     found.kinds = pair
     found.force = [np.concatenate(part.force) for part in parts]
     found.displacement = [np.concatenate(part.displacement) for part in parts]
     found.at_products = [part.products for part in parts]
     accelerations = [[a for a in part.acceleration if a is not None] for part in parts]
-    if parts and all(len(a) == len(part.force) for a, part in zip(accelerations, parts, strict=True)):
+    if all(len(a) == len(part.force) for a, part in zip(accelerations, parts, strict=True)):
         found.acceleration = [np.concatenate(a) for a in accelerations]
 
 

@@ -106,15 +106,15 @@ def _amplitudes(recording: Recording, names: list[str], orders: int, still: bool
     turning = shaft.frequency((begin + end) / 2, max((end - begin) / 2, 1e-3)) if shaft else None
     commanded = _tones(recording, noticed)
     kept, dropped, block = _kept_tones(recording.run, commanded, turning, orders, end - begin + worst)
-    others = tones.second_order_products(kept, turning, orders, block.length)
+    known = still or turning is not None or measured
+    others = tones.second_order_products(kept, turning, orders, block.length) if known else np.zeros(0)
     lines = Lines(kept, shaft, orders, others)
     fits, names = _fitted(recording, names, lines, begin, block, noticed)
     again = False
     if shaft is not None and not measured and orders:
-        gaps = [fit for fit in fits if any(name.startswith("gap") for name in fit.names)]
-        if gaps:
-            lines = replace(lines, shaft=followed(fits[0].start, block.length, gaps[0].shaft[:, 0], turning or 0.0))
-            again = True
+        lines = replace(lines, shaft=_followed(recording, names, replace(lines, others=np.zeros(0)), begin, block))
+        turning = lines.shaft.frequency((begin + end) / 2, end - begin) if lines.shaft else turning
+        again = True
     force = np.stack([_of(fits, name, "tones") for name in FORCES], axis=2)
     advance = _advance(force)
     if np.abs(advance).max(initial=0.0) > _OFF_TONE:
@@ -129,6 +129,7 @@ def _amplitudes(recording: Recording, names: list[str], orders: int, still: bool
         )
         lines, again = replace(lines, tones=refined), True
     if again:
+        noticed = [finding for finding in noticed if "is no number" not in finding.message]
         fits, names = _fitted(recording, names, lines, begin, block, noticed)
     return Record(
         recording.run,
@@ -195,6 +196,26 @@ def _shaft(recording: Recording, noticed: list[QualityFinding]) -> tuple[ShaftPh
         )
     )
     return ShaftPhase.steady(abs(speed) / (2 * np.pi)), False
+
+
+def _followed(
+    recording: Recording, names: Sequence[str], lines: Lines, begin: float, block: BlockLength
+) -> ShaftPhase | None:
+    """Follow the shaft by its line in the gaps, first in blocks as short as part the lines, twice."""
+    gaps = [name for name in names if name.startswith("gap")]
+    if not gaps or lines.shaft is None:
+        return lines.shaft
+    stream = recording.stream_of(gaps[0])
+    members = [name for name in gaps if name in stream.channels]
+    middle = begin + block.length * block.blocks / 2
+    shortest = tones.shortest_block(lines.tones, lines.shaft.frequency(middle), lines.orders)
+    length = min(block.length, shortest)
+    for _ in range(3):
+        fit = fit_blocks(stream, members, lines, begin, length, int(block.length * block.blocks / length))
+        lines = replace(
+            lines, shaft=followed(fit.start, length, fit.shaft[:, 0], lines.shaft or ShaftPhase.steady(1.0))
+        )
+    return lines.shaft
 
 
 def _tones(recording: Recording, noticed: list[QualityFinding]) -> np.ndarray:
@@ -267,6 +288,10 @@ def _fitted(
             if not members:
                 continue
             fit = fit_blocks(stream, members, lines, begin, block.length, block.blocks)
+        for name, count in zip(members, fit.invalid, strict=True):
+            if count:
+                text = f"{name} is no number in {count} samples; these rows do not count."
+                noticed.append(QualityFinding("note", text, recording.run, name))
         fits.append(fit)
     return fits, names
 

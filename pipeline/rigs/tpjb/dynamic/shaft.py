@@ -67,7 +67,7 @@ class ShaftPhase:
         return cls(np.concatenate(times), np.concatenate(turns))
 
 
-def followed(start: np.ndarray, length: float, amplitude: np.ndarray, assumed: float) -> ShaftPhase:
+def followed(start: np.ndarray, length: float, amplitude: np.ndarray, assumed: ShaftPhase) -> ShaftPhase:
     """Return the shaft's angle from the phase of its own line, block after block.
 
     Parameters
@@ -77,14 +77,17 @@ def followed(start: np.ndarray, length: float, amplitude: np.ndarray, assumed: f
     length
         Of a block, s.
     amplitude
-        The 1X line fitted with the frequency `assumed` (Hz), shape (B, c): the phase that it gains from
-        block to block is what the shaft turns faster.
+        The 1X line fitted with the angle `assumed`, shape (B, c): the phase that it gains from block to
+        block is what the shaft turns faster.
     """
+    from scipy.interpolate import CubicSpline
+
     weight = np.nansum(np.abs(amplitude) ** 2, axis=1)
     valid = np.flatnonzero(weight > 0)
-    if valid.size < 2:
-        return ShaftPhase.steady(assumed)
+    if valid.size < 3:
+        return assumed
     steps = [np.nansum(np.conj(amplitude[i]) * amplitude[j]) for i, j in pairwise(valid)]
     gained = np.r_[0.0, np.cumsum(np.angle(steps))] / (2 * np.pi)
     middle = start[valid] + length / 2
-    return ShaftPhase(middle, assumed * middle + gained)
+    knots = np.arange(start[valid[0]], start[valid[-1]] + length + _STEP, _STEP)
+    return ShaftPhase(knots, assumed.turns(knots) + CubicSpline(middle, gained)(knots))

@@ -14,11 +14,11 @@ from pipeline.rigs.tpjb.dynamic import impedance, laws
 from pipeline.rigs.tpjb.dynamic.declaration import DynamicSettings
 from pipeline.rigs.tpjb.dynamic.inertia import Inertia
 from pipeline.rigs.tpjb.dynamic.laws import Law
+from pipeline.rigs.tpjb.dynamic.motion import PLAUSIBLE
 from pipeline.rigs.tpjb.dynamic.pooling import Pool
 
 ENTRIES = tuple(product(range(2), range(2)))
 NAMES = tuple(f"{letter}{'xy'[i]}{'xy'[j]}" for letter in "kc" for i, j in ENTRIES)
-_PLAUSIBLE = (1e7, 1e11)
 
 
 @dataclass(eq=False)
@@ -78,6 +78,11 @@ class Solution:
         return 2 * np.pi * self.tones
 
 
+def sentence(reason: str) -> str:
+    """Return a reason as the end of a sentence."""
+    return reason if reason.endswith((".", "?")) else f"{reason}."
+
+
 def solve(pool: Pool, inertia: Inertia, settings: DynamicSettings) -> Solution:
     """Solve one operating point."""
     solution = Solution(pool, inertia, pool.tones)
@@ -85,7 +90,7 @@ def solve(pool: Pool, inertia: Inertia, settings: DynamicSettings) -> Solution:
     for step in (_check_inputs, _keep_good_tones, _check_signs, _check_trends, _fit_laws):
         step(solution, settings)
         if solution.fatal:
-            solution.say("error", f"no coefficient is given: {solution.fatal.rstrip('.')}.")
+            solution.say("error", f"no coefficient is given: {sentence(solution.fatal)}")
             break
     return solution
 
@@ -173,19 +178,20 @@ def _fill(solution: Solution) -> None:
 def _check_signs(solution: Solution, _settings: DynamicSettings) -> None:
     """Name a mirrored axis and units that cannot be."""
     _fill(solution)
-    c = solution.coefficients
+    pool, c = solution.pool, solution.coefficients
     kxx, kyy = (float(np.median(c[name].value)) for name in ("kxx", "kyy"))
-    if kxx < 0 < kyy:
+    plain = float(np.linalg.norm(pool.force[0]) / np.linalg.norm(pool.displacement[0]))
+    if not PLAUSIBLE[0] < plain < PLAUSIBLE[1] or not max(abs(kxx), abs(kyy)) < PLAUSIBLE[1]:
+        solution.fatal = (
+            f"force over displacement is {plain:.3g} N/m, kxx = {kxx:.3g} N/m and kyy = {kyy:.3g} N/m, where {PLAUSIBLE[0]:.0e} to "
+            f"{PLAUSIBLE[1]:.0e} N/m are a bearing's: unit of a force (kN) or of a gap (um, mil = 25.4 um)?"
+        )
+    elif kxx < 0 < kyy:
         solution.fatal = "x axis mirrored: kxx is negative and kyy positive; probe u/v swapped?"
     elif kxx < 0 and kyy < 0:
         solution.fatal = "kxx and kyy are both negative: sign of the force or of the gaps inverted?"
     elif kyy < 0:
         solution.fatal = "y axis mirrored: kyy is negative and kxx positive; sign of a force or of the probes?"
-    elif not all(_PLAUSIBLE[0] < k < _PLAUSIBLE[1] for k in (kxx, kyy)):
-        solution.fatal = (
-            f"kxx = {kxx:.3g} N/m and kyy = {kyy:.3g} N/m lie outside {_PLAUSIBLE[0]:.0e} to {_PLAUSIBLE[1]:.0e} N/m: unit of a "
-            "force (kN) or of a gap (um, mil = 25.4 um)?"
-        )
 
 
 def _check_trends(solution: Solution, settings: DynamicSettings) -> None:

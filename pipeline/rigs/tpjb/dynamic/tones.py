@@ -111,8 +111,8 @@ def block_length(tones: np.ndarray, shaft: float | None, orders: int, duration: 
 
     Notes
     -----
-    Long blocks tell neighbouring lines apart, many blocks tell the error: the shortest block that
-    parts all lines is taken, one with whole turns of the shaft where eight of them fit.
+    Long blocks tell neighbouring lines apart, many blocks tell the error: of those of which eight fit, the
+    shortest that parts all lines is taken, and rather one with whole turns of the shaft.
     """
     divisor = common_divisor(tones)
     whole = divisor is not None and LEAST_BLOCKS / divisor <= duration * (1 + 1e-6)
@@ -129,11 +129,17 @@ def block_length(tones: np.ndarray, shaft: float | None, orders: int, duration: 
         if best is None:
             best = choice
         parts, parted = apart * length >= 2, apart * best.length >= 2
-        if (parts and not parted) or (parts and shaft_whole and not best.shaft_whole and blocks >= _GOOD_BLOCKS):
-            best = choice
-        if not parts and not parted and blocks >= _GOOD_BLOCKS:
-            best = choice  # as far apart as the length of the log allows
+        if n > 1 and blocks < min(_GOOD_BLOCKS, int(duration / base)):
+            break
+        if parted and not (parts and shaft_whole and not best.shaft_whole):
+            continue
+        best = choice  # parts the lines, or does it as far as the length of the log allows
     return best or BlockLength(base, int(duration * (1 + 1e-6) / base), whole, False)
+
+
+def shortest_block(tones: np.ndarray, shaft: float | None, orders: int) -> float:
+    """Return the shortest block (s) that parts tones and shaft orders, whole cycles or not."""
+    return max(2 / _closest(tones, shaft, orders), 2 / float(tones.min()))
 
 
 def _closest(tones: np.ndarray, shaft: float | None, orders: int) -> float:

@@ -1,0 +1,171 @@
+"""Faults of section 8 in dynamic logs: named, dealt with, and never a number outside its interval."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from dynamic_logs import changed, conditions, found_in, logs, messages, without, worst_z
+
+from pipeline.errors import InputError
+from pipeline.recording import Recording
+
+ACC = ("acc_ua", "acc_ub", "acc_va", "acc_vb")
+GAP = tuple(f"gap_{axis}{side}{plane}" for plane in "12" for axis in "uv" for side in "pm")
+
+
+def scaled(runs: list[Recording], names: tuple[str, ...], factor: float) -> list[Recording]:
+    for name in names:
+        runs = [changed(r, name, lambda _, v: factor * v) for r in runs]
+    return runs
+
+
+def stuck(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    values[(time > 12) & (time < 19)] = values[0]
+    return values
+
+
+def spike(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+    values[12_345] += 5e-4
+    return values
+
+
+def silenced(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    turning = np.exp(2j * np.pi * 13 * time)
+    return values - (2 * np.mean(values * turning.conj()) * turning).real
+
+
+def mended(runs: list[Recording], name: str, change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> list[Recording]:
+    return [changed(r, name, change) for r in runs]
+
+
+DEALT_WITH = {
+    "rows lost": (lambda: logs(1, missing=1e-3), "ok", ""),
+    "jitter": (lambda: logs(1, jitter=1e-5), "ok", ""),
+    "no speed": (lambda: [without(r, "speed") for r in logs(1)], "ok", "no 'speed' channel"),
+    "a nominal speed that is 0.4 % off": (
+        lambda: [conditions(without(r, "speed"), shaft_speed_nominal=105.1) for r in logs(1)],
+        "ok",
+        "followed by the phase of its own line",
+    ),
+    "no speed, no nominal": (
+        lambda: [conditions(without(r, "speed"), shaft_speed_nominal=None) for r in logs(1)],
+        "warning",
+        "Give the shaft speed",
+    ),
+    "speed not as set": (lambda: [conditions(r, shaft_speed_nominal=101.0) for r in logs(1)], "warning", "was set"),
+    "one accelerometer an axis": (
+        lambda: [without(r, "acc_ub", "acc_vb") for r in logs(1)],
+        "ok",
+        "only accelerometer",
+    ),
+    "one accelerometer in g": (lambda: scaled(logs(1), ("acc_ua",), 1 / 9.80665), "warning", "in g but read as m/s"),
+    "dead probe": (
+        lambda: mended(logs(1), "gap_up1", lambda _, v: np.full_like(v, 1e-3)),
+        "warning",
+        "gap_up1 does not move",
+    ),
+    "inverted probe": (lambda: mended(logs(1), "gap_vm2", lambda _, v: 2e-3 - v), "warning", "its sign is inverted"),
+    "empty probe": (lambda: mended(logs(1), "gap_up1", lambda _, v: v * np.nan), "warning", "no number"),
+    "pitching": (lambda: logs(1, plane_tilt=0.09), "warning", "pitching motion"),
+    "amplifier off at 13 Hz": (
+        lambda: [mended(mended([r], "force_u", silenced), "force_v", silenced)[0] for r in logs(1)],
+        "warning",
+        "13 Hz: force below",
+    ),
+    "a tone that was never sent": (
+        lambda: [conditions(r, excitation_tones="7 9 11 13 19 23 29 37 43 Hz") for r in logs(1)],
+        "warning",
+        "9 Hz: force below",
+    ),
+    "tones on shaft orders": (
+        lambda: logs(1, tones=(7.0, 11.0, 13.0, 17.0, 23.0, 33.0, 43.0)),
+        "warning",
+        "17 Hz: within 2/T_b",
+    ),
+    "stuck force": (lambda: [changed(logs(1)[0], "force_v", stuck), logs(1)[1]], "warning", "stuck or off"),
+    "spike": (lambda: [changed(logs(1)[0], "gap_up1", spike), logs(1)[1]], "warning", "a spike"),
+    "modes exchanged": (
+        lambda: [conditions(r, mode=m) for r, m in zip(logs(1), ("antiphase", "in-phase"), strict=True)],
+        "warning",
+        "the forces are believed",
+    ),
+    "static load not as stated": (
+        lambda: mended(logs(1), "force_static", lambda _, v: 1.05 * v),
+        "warning",
+        "static force is",
+    ),
+    "no stabiliser stiffness": (
+        lambda: [conditions(r, stabilizer_stiffness=0.0) for r in logs(1, bench={"stabilizer_stiffness": 0.0})],
+        "ok",
+        "",
+    ),
+    "lag of 50 us": (lambda: logs(1, delay=50e-6), "warning", "displacement late by"),
+    "stator mass 25 % low": (lambda: [conditions(r, stator_mass=675.0) for r in logs(1)], "warning", "heavier than"),
+    "stator mass not taken off": (lambda: [conditions(r, stator_mass=0.0) for r in logs(1)], "warning", "heavier than"),
+}
+NOT_TOLD = {
+    "probes of u and v exchanged": (lambda: logs(1, swap_uv=True), "x axis mirrored"),
+    "in-phase only": (lambda: logs(1)[:1], "in-phase (10 blocks)"),
+    "v actuator off": (lambda: logs(1, v_gain=1e-6), "excitations are not independent"),
+    "acceleration in g": (lambda: scaled(logs(1), ACC, 1 / 9.80665), "in g but read as m/s"),
+    "acceleration inverted": (lambda: scaled(logs(1), ACC, -1.0), "wrong sign"),
+    "no acceleration": (lambda: [without(r, *ACC) for r in logs(1)], "no accelerometer"),
+    "gaps a thousand times too small": (lambda: scaled(logs(1), GAP, 1e-3), "unit of the gaps"),
+    "forces in kN": (lambda: scaled(logs(1), ("force_u", "force_v"), 1e-3), "unit of a force"),
+    "one force in kN": (lambda: scaled(logs(1), ("force_u",), 1e-3), "its force in another unit"),
+    "no stator mass": (lambda: [conditions(r, stator_mass=None) for r in logs(1)], "'stator_mass' is not given"),
+}
+
+
+@pytest.mark.parametrize("fault", DEALT_WITH)
+def test_faults_that_are_dealt_with_leave_numbers_within_their_intervals(fault: str) -> None:
+    make, verdict, words = DEALT_WITH[fault]
+    findings = found_in(make())
+    assert findings.verdict == verdict, messages(findings)
+    assert words in messages(findings)
+    assert sum(p.value is not None for p in findings.parameters) >= 24
+    assert worst_z(findings) < 2.5
+
+
+@pytest.mark.parametrize("fault", NOT_TOLD)
+def test_faults_that_cannot_be_mended_give_no_number(fault: str) -> None:
+    make, words = NOT_TOLD[fault]
+    findings = found_in(make())
+    assert findings.verdict == "rejected"
+    assert words in messages(findings)
+    assert all(p.value is None and p.description for p in findings.parameters)
+    assert {p.name for p in findings.parameters} >= {"kxx", "cyy"}
+
+
+def test_a_calibrated_lag_is_taken_out() -> None:
+    findings = found_in(logs(1, delay=50e-6), {"displacement_lag": 50e-6})
+    assert findings.verdict == "ok", messages(findings)
+    assert worst_z(findings) < 2.5
+
+
+def test_a_lag_is_measured_and_its_bias_of_damping_told() -> None:
+    text = messages(found_in(logs(1, delay=50e-6)))
+    told = float(text.split("displacement late by ")[1].split()[0])
+    assert told == pytest.approx(50, abs=10)
+    assert "N s/m on cxx" in text
+
+
+def test_one_plane_alone_is_not_called_ok() -> None:
+    runs = [without(r, *(g for g in GAP if g.endswith("2"))) for r in logs(1)]
+    findings = found_in(runs)
+    assert findings.verdict == "warning"
+    assert "one plane only" in messages(findings)
+
+
+def test_runs_of_another_test_and_runs_too_short_are_left_out_by_name() -> None:
+    other = conditions(Recording("bump", logs(1)[0].streams, logs(1)[0].conditions), test="bump")
+    short = Recording("short", logs(1, duration=2.0)[0].streams, logs(1)[0].conditions)
+    findings = found_in([*logs(1), other, short])
+    left = {r.run: r.reason for r in findings.runs if not r.used}
+    assert set(left) == {"bump", "short"}
+    assert "Log longer" in left["short"]
+    assert worst_z(findings) < 2.5
+    with pytest.raises(InputError, match="Log longer"):
+        found_in([short])
