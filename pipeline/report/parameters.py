@@ -35,18 +35,20 @@ def symbol_of(parameter: Parameter) -> Markup:
 
 
 def unit_of_condition(experiment: Experiment, name: str) -> str:
-    """Return the SI unit of a condition or channel, '' for text and for what the experiment does not declare.
+    """Return the SI unit of a condition, channel or operating point, '' for text and for the undeclared.
 
     A temperature there is an absolute one: it is read in degrees Celsius.
     """
-    spec = experiment.condition(name) or experiment.channel(name)
-    return "" if spec is None else "degC" if spec.unit == "K" else spec.unit
+    unit = experiment.unit_of(name)
+    return "degC" if unit == "K" else unit
 
 
 def place_of(parameter: Parameter, experiment: Experiment) -> str:
     """Return the operating point in words: ``coil current 2 A, run sh_a``."""
     return ", ".join(
-        f"{_words(name)} {condition_text(value, unit_of_condition(experiment, name))}"
+        _words(name)
+        if value is True
+        else f"{_words(name)} {condition_text(value, unit_of_condition(experiment, name))}"
         for name, value in parameter.at.items()
     )
 

@@ -178,6 +178,8 @@ class Experiment:
         ``sections(findings) -> chapters of the report``; draws on parameters and arrays only.
     methods
         ``methods(findings) -> paragraphs`` for the report and for a paper.
+    operating
+        What stands in `at` of the parameters besides conditions and channels: its unit and meaning.
     check
         ``check(recording) -> quality findings`` that only this rig's physics can tell (swapped
         signs, wrong units), for `rigfit check` and ingest: in the words of `identify`, an error where that
@@ -197,6 +199,7 @@ class Experiment:
     sections: Callable[[Findings], Sequence[Section]]
     methods: Callable[[Findings], Sequence[str]]
     check: Callable[[Recording], Sequence[QualityFinding]] = lambda _recording: ()
+    operating: Sequence[ConditionSpec] = ()
 
     @property
     def rig(self) -> str:
@@ -210,6 +213,11 @@ class Experiment:
     def condition(self, name: str) -> ConditionSpec | None:
         """Return the declaration of a condition, None where there is none."""
         return next((spec for spec in self.conditions if spec.name == name), None)
+
+    def unit_of(self, name: str) -> str:
+        """Return the SI unit of a condition, a channel or part of an operating point; '' for text and the undeclared."""
+        declared = {spec.name: spec.unit for spec in (*self.operating, *self.channels, *self.conditions)}
+        return declared.get(name, "")
 
     def parameter(self, name: str) -> ParameterSpec:
         """Return the declaration of a parameter; LookupError where there is none."""

@@ -59,6 +59,16 @@ CONDITIONS = (
     ConditionSpec("force_gain_u", "1", "relative standard uncertainty of the load cells' gain (type B)"),
 )
 
+# What parameters of these experiments are told at, besides conditions.
+OPERATING = (
+    ConditionSpec("shaft_speed", "rad/s", "mean shaft speed"),
+    ConditionSpec("frequency", "Hz", "tone of the excitation"),
+    ConditionSpec("synchronous", "", "true at the shaft's frequency"),
+    ConditionSpec("order", "1", "harmonic of the load's rotation"),
+    ConditionSpec("plane", "1", "probe plane"),
+    ConditionSpec("side", "1", "side of the clearance polygon, the pad of that number"),
+)
+
 CIULLI_FORTE_2019 = Reference(
     "ciulli2019",
     "E. Ciulli and P. Forte",

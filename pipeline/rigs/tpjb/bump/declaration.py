@@ -8,7 +8,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
-from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, channels
+from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, OPERATING, channels
 
 
 class BumpSettings(Settings):
@@ -79,4 +79,5 @@ BUMP = Experiment(
     sections=Later("pipeline.rigs.tpjb.bump.sections:sections"),
     methods=Later("pipeline.rigs.tpjb.bump.methods:methods"),
     check=Later("pipeline.rigs.tpjb.bump.record:check"),
+    operating=OPERATING,
 )

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
-from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, channels
+from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, OPERATING, channels
 
 
 class RotatingSettings(Settings):
@@ -80,4 +80,5 @@ ROTATING = Experiment(
     sections=Later("pipeline.rigs.tpjb.rotating.sections:sections"),
     methods=Later("pipeline.rigs.tpjb.rotating.methods:methods"),
     check=Later("pipeline.rigs.tpjb.rotating.faults:check"),
+    operating=OPERATING,
 )
