@@ -216,8 +216,8 @@ class Experiment:
 
     def unit_of(self, name: str) -> str:
         """Return the SI unit of a condition, a channel or part of an operating point; '' for text and the undeclared."""
-        declared = {spec.name: spec.unit for spec in (*self.operating, *self.channels, *self.conditions)}
-        return declared.get(name, "")
+        conditions = {spec.name: spec.unit for spec in (*self.operating, *self.conditions)}
+        return conditions.get(name) or {spec.name: spec.unit for spec in self.channels}.get(name, "")
 
     def parameter(self, name: str) -> ParameterSpec:
         """Return the declaration of a parameter; LookupError where there is none."""
