@@ -53,9 +53,13 @@ class Parameter(_Strict):
 
 
 class ModelResult(_Strict):
-    """How one model (variant) fits; exactly one of a family is selected."""
+    """How one model (variant) fits; exactly one of a family is selected.
+
+    Models of one family were fitted to the same data: only among them do `aicc` and `bic` compare.
+    """
 
     name: str
+    family: str = Field("", description="what the models compete for; '' where all of the findings do")
     selected: bool = False
     n_parameters: int
     n_data: int

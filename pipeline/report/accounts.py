@@ -22,24 +22,26 @@ _HASH_DIGITS = 12
 
 
 def models_table(models: Sequence[ModelResult]) -> TableView:
-    """Compare models; AICc and BIC are shown above the smallest of the table."""
-    criteria = {
-        name: min((value for model in models if (value := getattr(model, name)) is not None), default=None)
-        for name in ("aicc", "bic")
-    }
+    """Compare models; AICc and BIC are shown above the smallest of the family."""
+    least: dict[tuple[str, str], float] = {}
+    for model in models:
+        for name in ("aicc", "bic"):
+            value = getattr(model, name)
+            if value is not None:
+                least[model.family, name] = min(value, least.get((model.family, name), value))
 
     def above(model: ModelResult, name: str) -> float | None:
-        value, least = getattr(model, name), criteria[name]
-        return None if value is None or least is None else value - least
+        value = getattr(model, name)
+        return None if value is None else value - least[model.family, name]
 
     columns = [
-        Column("Model"), Column("Parameters"), Column("Data"), Column("rms residual (SI)", "1"),
+        Column("Of"), Column("Model"), Column("Parameters"), Column("Data"), Column("rms residual (SI)", "1"),
         Column("NRMSE", "%"), Column("χ² reduced", "1"), Column("ΔAICc", "1"), Column("ΔBIC", "1"),
         Column("Error on runs left out", "%"), Column("What it is"),
     ]  # fmt: skip
     rows: list[list[Cell]] = [
         [
-            Markup("<b>{}</b> {}").format(clean(m.name), badge(Status("selected", "ok"))) if m.selected else clean(m.name),
+            clean(m.family), Markup("<b>{}</b> {}").format(clean(m.name), badge(Status("selected", "ok"))) if m.selected else clean(m.name),
             m.n_parameters, m.n_data, m.rms_residual, m.nrmse, m.chi2_reduced, above(m, "aicc"),
             above(m, "bic"), m.cv_error, clean(m.description),
         ]
@@ -48,7 +50,7 @@ def models_table(models: Sequence[ModelResult]) -> TableView:
     kept = [place for place in range(len(columns)) if any(row[place] not in (None, "") for row in rows)]
     caption = (
         "NRMSE is the rms residual over the rms of the measured signal about its mean. ΔAICc and ΔBIC count from the "
-        "best model of this table; a difference above about 10 is decisive."
+        "best model of the same data; a difference above about 10 is decisive."
     )
     return table_view(
         Table(
