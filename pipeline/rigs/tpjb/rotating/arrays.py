@@ -128,7 +128,7 @@ def _of_harmonics(turns: Turns) -> dict[str, Any]:
 
 
 def _samples(group: LoadGroup, turns: Turns, clearances: Mapping[str, Clearance]) -> pd.DataFrame:
-    orbit, rotation = turns.record.orbit, turns.record.rotation
+    orbit = turns.record.orbit
     path = group.selected.paths[group.index[turns.run]]
     own = orbit.displacement - path.offset[:, None] - group.drift(turns.run)
     clearance = clearances.get(str(turns.record.conditions.get("bearing", "")))
@@ -145,19 +145,32 @@ def _samples(group: LoadGroup, turns: Turns, clearances: Mapping[str, Clearance]
             "y": own[1],
             "mx": path.displacement[0],
             "my": path.displacement[1],
-            "steady": rotation.steady,
-            "dwell": rotation.dwell,
+            "steady": _whole_turns(turns),
+            "dwell": turns.record.rotation.dwell,
         }
     )
+
+
+def _whole_turns(turns: Turns) -> np.ndarray:
+    """Return the mask of the whole turns in the middle of the steady part; all of it below one turn."""
+    rotation, time = turns.record.rotation, turns.record.orbit.time
+    whole = math.floor(rotation.turns + 0.02)
+    if whole < 1:
+        return rotation.steady
+    steady = time[rotation.steady]
+    middle, half = 0.5 * (steady[0] + steady[-1]), 0.5 * whole / abs(rotation.frequency)
+    return np.asarray(rotation.steady & (np.abs(time - middle) <= half))
 
 
 def _model_orbits(group: LoadGroup, turns: Turns) -> list[pd.DataFrame]:
     parts = []
     place = group.index[turns.run]
-    for fit in group.fits:
+    for fit in (*group.fits, *group.dependent):
         if fit.name in group.comparison.hidden:
             continue
-        x, y = model_orbit(fit, turns.record.rotation.size, turns.record.rotation.frequency < 0)
+        # Each law found its own equilibrium: shown as it was fitted.
+        offset = fit.paths[place].offset - group.equilibrium(turns.run)
+        x, y = model_orbit(fit, turns.record.rotation.size) + offset[:, None]
         rms = float(np.sqrt((fit.paths[place].residual ** 2).mean()))
         table = {"run": turns.run, "model": fit.name, "x": x, "y": y, "rms": rms, "selected": fit is group.selected}
         parts.append(pd.DataFrame(table))
@@ -167,7 +180,8 @@ def _model_orbits(group: LoadGroup, turns: Turns) -> list[pd.DataFrame]:
 def _model(group: LoadGroup, fit: ModelFit) -> dict[str, Any]:
     sd = np.sqrt(np.maximum(np.diag(np.nan_to_num(fit.p_covariance)), 0.0))
     candidate = group.comparison.candidate(fit.name)
-    shift = fit.mean_shift(group.highest.record.rotation.size)
+    size = group.highest.record.rotation.size
+    shift = np.zeros(2) if fit.model.is_linear else fit.mean_shift(size)
     row: dict[str, Any] = {
         "group": group.label,
         "model": fit.name,
@@ -175,7 +189,7 @@ def _model(group: LoadGroup, fit: ModelFit) -> dict[str, Any]:
         "hidden": group.comparison.hidden.get(fit.name, ""),
         "n_parameters": fit.size,
         "chi2_reduced": fit.chi2_reduced,
-        "bic": candidate.bic,
+        "bic": candidate.bic - candidate_of(group, group.comparison.best).bic,
         "rms": fit.rms,
         "fold_margin": fit.fold_margin,
         "mean_shift_x": shift[0],
@@ -201,7 +215,7 @@ def _load_model(group: LoadGroup, fit: LawFit) -> dict[str, Any]:
         "hidden": "",
         "n_parameters": fit.size,
         "chi2_reduced": fit.chi2_reduced,
-        "bic": candidate_of(group, fit).bic,
+        "bic": candidate_of(group, fit).bic - candidate_of(group, best).bic,
         "rms": fit.rms,
         "effect": effect,
         "at_bound": ", ".join(fit.at_bound),
@@ -261,13 +275,14 @@ def _spectrum(turns: Turns) -> pd.DataFrame:
     steady, frequency = turns.steady, abs(turns.record.rotation.frequency)
     whole = steady.time - steady.time[0] < int(turns.record.rotation.turns + 0.05) / frequency
     time = steady.time[whole]
-    turning = np.exp(-2j * np.pi * frequency * np.multiply.outer(_ORDERS, time - time[0]))
+    # A Hann window: the skirts of the 1X would hide the other harmonics.
+    turning = np.exp(-2j * np.pi * frequency * np.multiply.outer(_ORDERS, time - time[0])) * np.hanning(time.size)
     amplitude = {}
     for name, found, vector in (("d", turns.motion, steady.displacement), ("f", turns.load, steady.force)):
         tau = 2.0 * (steady.time - steady.time[0]) / (steady.time[-1] - steady.time[0]) - 1.0
         slow = found.offset + found.drift[0] * tau + found.drift[1] * (tau**2 - 1.0 / 3.0)
         rest = (vector - np.stack([slow.real, slow.imag]))[:, whole]
-        amplitude[name] = 2.0 * np.abs(rest @ turning.T) / time.size
+        amplitude[name] = 2.0 * np.abs(rest @ turning.T) / np.hanning(time.size).sum()
     signals = {"x": amplitude["d"][0], "y": amplitude["d"][1], "load": np.sqrt((amplitude["f"] ** 2).mean(axis=0))}
     return pd.concat(
         [pd.DataFrame({"run": turns.run, "signal": s, "order": _ORDERS, "amplitude": a}) for s, a in signals.items()],

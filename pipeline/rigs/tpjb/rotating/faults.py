@@ -10,13 +10,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.orbit import circularity
 from pipeline.rigs.tpjb.rotating.orientation import orientation_of, unit_findings
 from pipeline.rigs.tpjb.rotating.record import Record, record_of
-from pipeline.rigs.tpjb.rotating.turns import Turns
+from pipeline.rigs.tpjb.rotating.turns import Turns, turns_of
 
 POOR_LOAD = 0.02
 _PITCHING = 0.05
@@ -25,12 +24,18 @@ _OTHER_SIZES = 0.3
 
 
 def check(recording: Recording) -> Sequence[QualityFinding]:
-    """Return what one log shows: sound probes, directions, units. Nothing where it is no rotating load."""
-    try:
-        record = record_of(recording, RotatingSettings())
-    except InputError:
-        return ()
-    return (*record.findings, *orientation_of(record).findings, *unit_findings(record))
+    """Return what one log shows: probes, directions, units, state, and how the load turns.
+
+    Raises
+    ------
+    InputError
+        If the log cannot be used at all: another test, no sound probe, a load that does not turn.
+    """
+    settings = RotatingSettings()
+    record = record_of(recording, settings)
+    mend = orientation_of(record)
+    turns = turns_of(record if mend.mend is None else record.mapped(mend.mend), settings)
+    return (*record.findings, *mend.findings, *unit_findings(turns.record), *faults_of(turns))
 
 
 def faults_of(turns: Turns) -> list[QualityFinding]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.errors import listing
 from pipeline.recording import QualityFinding
 from pipeline.rigs.tpjb.rotating import law
 from pipeline.rigs.tpjb.rotating.group import LoadGroup
@@ -38,55 +39,56 @@ class Delay:
 
 def faults_of_fit(group: LoadGroup) -> list[QualityFinding]:
     """Return what the fits of a group show of its runs."""
-    found = list(group.findings)
+    found = [*group.findings, *_drift(group), *_shaft_line(group)]
     for turns in group.runs:
-        found += [
-            *_drift(group, turns),
-            *_shaft_line(group, turns),
-            *_load_harmonics(group, turns),
-            *_friction(group, turns),
-        ]
+        found += [*_load_harmonics(group, turns), *_friction(group, turns)]
     return found
 
 
-def _drift(group: LoadGroup, turns: Turns) -> list[QualityFinding]:
-    drift = group.drift(turns.run)
-    spread = float(np.hypot(*np.ptp(drift, axis=1)))
-    share = spread / max(turns.amplitude, 1e-12)
-    if share < _DRIFT:
+def _drift(group: LoadGroup) -> list[QualityFinding]:
+    """Say where the mean position drifts; what the fit takes along is a note."""
+    spreads = {turns.run: float(np.hypot(*np.ptp(group.drift(turns.run), axis=1))) for turns in group.runs}
+    shares = {turns.run: spreads[turns.run] / max(turns.amplitude, 1e-12) for turns in group.runs}
+    drifting = [run for run, share in shares.items() if share > _DRIFT]
+    if not drifting:
         return []
-    text = (
-        f"the mean position drifts by {1e6 * spread:.2g} um during the run, {100 * share:.2g} % of the orbit; a drift of "
-        "second degree is fitted along."
+    told = listing(
+        (f"{run} ({1e6 * spreads[run]:.2g} um, {100 * shares[run]:.2g} % of the orbit)" for run in drifting), 8
     )
-    return [QualityFinding("note", text, turns.run)]
+    text = f"the mean position drifts in {told}; a drift of second degree is fitted along."
+    return [QualityFinding("note", text, drifting[0] if len(drifting) == 1 else None)]
 
 
-def _shaft_line(group: LoadGroup, turns: Turns) -> list[QualityFinding]:
+def _shaft_line(group: LoadGroup) -> list[QualityFinding]:
     """Say how large the shaft's line is, and doubt that one-second values are means where it is too large."""
-    orbit = turns.record.orbit
-    path = group.selected.paths[group.index[turns.run]]
-    line = alias_line(orbit, path.residual)
-    if line is None or orbit.shaft_frequency is None:
-        return []
-    amplitude, at = line
-    noise = float(np.sqrt((path.residual**2).mean()))
-    left = abs(float(np.sinc(orbit.shaft_frequency * orbit.step)))
-    if amplitude < 0.5 * noise or not left > 0:
-        return []
-    runout = amplitude / left
-    if runout > _MOST_RUNOUT and turns.record.averaged == 1:
+    found, seen = [], []
+    for turns in group.runs:
+        orbit = turns.record.orbit
+        residual = group.selected.paths[group.index[turns.run]].residual
+        line = alias_line(orbit, residual)
+        if line is None or orbit.shaft_frequency is None:
+            continue
+        amplitude, at = line
+        left = abs(float(np.sinc(orbit.shaft_frequency * orbit.step)))
+        if amplitude < 0.5 * float(np.sqrt((residual**2).mean())) or not left > 0:
+            continue
+        if amplitude / left > _MOST_RUNOUT and turns.record.averaged == 1:
+            text = (
+                f"a line of {1e6 * amplitude:.2g} um stands at {at:.3g} Hz, where sampling folds the shaft frequency: as what "
+                f"averaging over {orbit.step:.3g} s leaves, the shaft's runout would be {1e6 * amplitude / left:.3g} um. Are "
+                "the values samples, and not means? The line is left out of the noise of the coefficients."
+            )
+            found.append(QualityFinding("warning", text, turns.run))
+        else:
+            seen.append((turns.run, amplitude, at, amplitude / left))
+    if seen:
+        _, amplitude, at, runout = max(seen, key=lambda entry: entry[1])
         text = (
-            f"a line of {1e6 * amplitude:.2g} um stands at {at:.3g} Hz, where sampling folds the shaft frequency: as what "
-            f"averaging over {orbit.step:.3g} s leaves, the shaft's runout would be {1e6 * runout:.3g} um. Are the values "
-            f"samples, and not means? The line does not reach the coefficients; it is left out of their noise."
+            f"{listing((run for run, *_ in seen), 8)}: a line of up to {1e6 * amplitude:.2g} um at {at:.3g} Hz is what is left "
+            f"of the shaft's own {1e6 * runout:.2g} um once a turn; it does not count as noise of the coefficients."
         )
-        return [QualityFinding("warning", text, turns.run)]
-    text = (
-        f"a line of {1e6 * amplitude:.2g} um at {at:.3g} Hz is what is left of the shaft's own {1e6 * runout:.2g} um once a "
-        "turn; it lies off the orbit's harmonics and does not count as noise of the coefficients."
-    )
-    return [QualityFinding("note", text, turns.run)]
+        found.append(QualityFinding("note", text, seen[0][0] if len(seen) == 1 else None))
+    return found
 
 
 def _load_harmonics(group: LoadGroup, turns: Turns) -> list[QualityFinding]:

@@ -11,7 +11,6 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.findings.findings import OperatingPoint
 from pipeline.recording import QualityFinding
-from pipeline.rigs.tpjb.rotating import law
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.linear_limit import Distortion, Limit, linear_limit, nonlinear_distortion
 from pipeline.rigs.tpjb.rotating.load_dependence import StiffnessOfLoad
@@ -187,7 +186,7 @@ def _prediction(chosen: ModelFit) -> float | None:
         return None
 
 
-def model_orbit(fit: ModelFit, size: float, clockwise: bool = False) -> np.ndarray:
-    """Return the orbit of a model under a turning force of constant size (N), shape (2, m), m; NaN past the fold."""
-    angle = 2.0 * np.pi * np.arange(_AROUND) / _AROUND * (-1.0 if clockwise else 1.0)
-    return law.equilibrium(fit.p, size * np.stack([np.cos(angle), np.sin(angle)]))
+def model_orbit(fit: LawFit, size: float) -> np.ndarray:
+    """Return the orbit of a law under a turning force of constant size (N), shape (2, m), m; NaN past the fold."""
+    angle = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
+    return fit.law.displacement(fit.theta, size * np.stack([np.cos(angle), np.sin(angle)]))

@@ -101,10 +101,6 @@ def _sort(recordings: Sequence[Recording], settings: RotatingSettings) -> _Sorte
     """Bring each run into shape, mend its axes, and say what is wrong with it."""
     runs = _Sorted()
     for recording in recordings:
-        test = str(recording.conditions.get("test") or "rotating").strip().lower()
-        if test != "rotating":
-            runs.leave_out(recording.run, f"it is labelled as test '{test}', not 'rotating'")
-            continue
         try:
             record = record_of(recording, settings)
         except InputError as error:

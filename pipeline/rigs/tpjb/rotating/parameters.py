@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pipeline.errors import counted, listing
 from pipeline.estimation.estimate import Estimate, estimate
@@ -167,7 +168,9 @@ def _harmonics(turns: Turns) -> list[Parameter]:
                 found.append(parameter(Estimate(name, None, reason=turns.refusal), at))
                 continue
             amplitude = abs((turns.motion.x if axis == "x" else turns.motion.y)[order - 1])
-            found.append(parameter(estimate(name, amplitude, axis_sigma(turns, order)), at, "", _HARMONICS))
+            own = estimate(name, amplitude, axis_sigma(turns, order))
+            low, high = own.ci95 or (0.0, 0.0)
+            found.append(parameter(replace(own, ci95=(max(low, 0.0), high)), at, "", _HARMONICS))
     return found
 
 
@@ -182,8 +185,10 @@ def models_of(groups: Sequence[LoadGroup], main: LoadGroup | None) -> list[Model
     found = []
     for group in groups:
         suffix = "" if len(groups) == 1 else f" at {group.label}"
+        best = candidate_of(group, group.comparison.best)  # criteria of one static load tell nothing of another
         for fit in (*group.fits, *group.dependent):
             chosen = fit is group.selected
+            own = candidate_of(group, fit)
             found.append(
                 ModelResult(
                     name=f"{fit.name}{suffix}",
@@ -193,8 +198,8 @@ def models_of(groups: Sequence[LoadGroup], main: LoadGroup | None) -> list[Model
                     rms_residual=fit.rms,
                     nrmse=fit.nrmse,
                     chi2_reduced=fit.chi2_reduced,
-                    aicc=candidate_of(group, fit).aicc,
-                    bic=candidate_of(group, fit).bic,
+                    aicc=own.aicc - best.aicc,
+                    bic=own.bic - best.bic,
                     cv_error=group.prediction if chosen else None,
                     description=_model_text(group, fit, chosen),
                 )

@@ -99,8 +99,11 @@ def record_of(recording: Recording, settings: RotatingSettings) -> Record:
     Raises
     ------
     InputError
-        If there are too few samples in common, or the force does not turn.
+        If it is another test, there are too few samples in common, or the force does not turn.
     """
+    test = str(recording.conditions.get("test") or "rotating").strip().lower()
+    if test != "rotating":
+        raise InputError(f"it is labelled as test '{test}', not 'rotating'")
     gaps = [name for name in GAPS if name in recording]
     have = [*gaps, *_FORCES, *(name for name in _BESIDE if name in recording)]
     table = sampled(recording, have, settings.average)

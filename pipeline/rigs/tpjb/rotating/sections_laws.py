@@ -37,7 +37,7 @@ def of_laws(findings: Findings) -> list[Figure | Table | Text]:
     blocks: list[Figure | Table | Text] = []
     for number, (group, part) in enumerate(table.groupby("group", sort=False)):
         blocks.append(_criteria(str(group), part, number))
-        blocks.append(_coefficients(str(group), part, number))
+        blocks += _coefficients(str(group), part, number)
     hidden = [f"{row['group']}: {row['model']} is left out of figures, {row['hidden']}."
               for _, row in table.iterrows() if row["hidden"]]  # fmt: skip
     return [*blocks, Text(hidden)] if hidden else blocks
@@ -46,7 +46,7 @@ def of_laws(findings: Findings) -> list[Figure | Table | Text]:
 def _criteria(group: str, part: pd.DataFrame, number: int) -> Table:
     rows: list[list[Cell]] = []
     for _, row in part.iterrows():
-        state = Status("selected", "ok") if row["selected"] else Status("", "unsaid")
+        state: Cell = Status("selected", "ok") if row["selected"] else ""
         rows.append(
             [
                 row["model"], int(row["n_parameters"]), float(f"{row['chi2_reduced']:.4g}"), round(float(row["bic"])),
@@ -62,7 +62,7 @@ def _criteria(group: str, part: pd.DataFrame, number: int) -> Table:
         "does not hold. Fold margin: least det J over det K on the orbit, 1 for a linear law, 0 at the fold. Mean shift: of "
         "the orbit from the equilibrium at the largest load.",
         [
-            Column("model"), Column("terms"), Column("chi2"), Column("BIC"), Column("misfit rms", "m"),
+            Column("model"), Column("terms"), Column("chi2"), Column("BIC above the best"), Column("misfit rms", "m"),
             Column("differs from the best by", "%"), Column("fold margin"), Column("mean shift x", "m"),
             Column("mean shift y", "m"), Column(""),
         ],
@@ -70,23 +70,31 @@ def _criteria(group: str, part: pd.DataFrame, number: int) -> Table:
     )  # fmt: skip
 
 
-def _coefficients(group: str, part: pd.DataFrame, number: int) -> Table:
-    rows: list[list[Cell]] = []
-    for _, row in part.iterrows():
-        cells: list[Cell] = [row["model"]]
-        for name in COEFFICIENTS:
-            known = not math.isnan(row[name])
-            cells.append(Value(float(row[name]), _positive(row[f"{name}_sd"])) if known else None)
-        rows.append(cells)
-    units = ["N/m"] * 4 + ["N/m^2"] * 6
-    return Table(
-        f"coefficients_{number}",
-        f"Coefficients of every model, {group}",
-        "With standard errors (type A, under the residual of each model); those of models that do not hold mean nothing. "
-        "What cannot be told one by one stands among the parameters with its reason.",
-        [Column("model"), *(Column(name, unit) for name, unit in zip(COEFFICIENTS, units, strict=True))],
-        rows,
-    )
+def _coefficients(group: str, part: pd.DataFrame, number: int) -> list[Table]:
+    """Return the table of linear and that of quadratic coefficients."""
+    tables = []
+    for kind, names, unit in (("Linear", COEFFICIENTS[:4], "N/m"), ("Quadratic", COEFFICIENTS[4:], "N/m^2")):
+        own = part[part[list(names)].notna().any(axis=1)]
+        if own.empty:
+            continue
+        rows: list[list[Cell]] = []
+        for _, row in own.iterrows():
+            cells: list[Cell] = [str(row["model"])]
+            for name in names:
+                known = not math.isnan(row[name])
+                cells.append(Value(float(row[name]), _positive(row[f"{name}_sd"])) if known else None)
+            rows.append(cells)
+        tables.append(
+            Table(
+                f"{kind.lower()}_{number}",
+                f"{kind} coefficients of every model, {group}",
+                "With standard errors (type A, under the residual of each model); those of models that do not hold mean "
+                "nothing. What cannot be told one by one stands among the parameters with its reason.",
+                [Column("model"), *(Column(name, unit) for name in names)],
+                rows,
+            )
+        )
+    return tables
 
 
 def _positive(value: float) -> float | None:
@@ -129,7 +137,8 @@ def _thd(findings: Findings) -> list[Figure]:
         if found.value is not None:
             load = found.at.get("static_load")
             where = f" at {float(load) / 1e3:.4g} kN" if isinstance(load, int | float) else ""
-            over_ratio.append(Rule(x=found.value, label=f"rho* = {found.value:.3g}{where}"))
+            short = f", {float(load) / 1e3:.4g} kN" if isinstance(load, int | float) else ""
+            over_ratio.append(Rule(x=found.value, label=f"{found.value:.3g}{short}"))
             answers.append(f"rho* = {found.value:.3g}{where}")
     answer = "; ".join(answers) if answers else "no limit could be told, see the parameters"
     return [
@@ -191,28 +200,30 @@ def of_consistency(findings: Findings) -> list[Figure | Table | Text]:
     if table is None:
         return []
     tables: list[Figure | Table | Text] = []
-    for number, (kind, part) in enumerate(table.groupby("kind", sort=False)):
+    for number, ((kind, unit), part) in enumerate(table.groupby(["kind", "unit"], sort=False)):
         rows: list[list[Cell]] = []
         for _, row in part.iterrows():
-            rows.append(
-                [
-                    row["group"], row["name"], Value(None if pd.isna(row["left"]) else float(row["left"]), _positive(row["left_sd"])),
-                    Value(row["right"], _positive(row["right_sd"])), row["unit"], "" if pd.isna(row["z"]) else f"{row['z']:+.1f}",
-                    Status.not_checkable if pd.isna(row["z"]) else Status.agrees if row["holds"] else Status.contradicts,
-                ]
-            )  # fmt: skip
+            z, holds = row["z"], row["holds"]
+            state = Status.not_checkable if pd.isna(z) else Status.agrees if holds else Status.contradicts
+            left = Value(None if pd.isna(row["left"]) else float(row["left"]), _positive(row["left_sd"]))
+            right = Value(float(row["right"]), _positive(row["right_sd"]))
+            rows.append([row["group"], row["name"], left, right, "" if pd.isna(z) else f"{z:+.1f}", state])
         meanings = list(dict.fromkeys(part.loc[part["holds"].isin([False]), "meaning"]))
         said = " ".join(f"Where it fails: {meaning}." for meaning in meanings)
         tables.append(
             Table(
                 f"consistency_{number}",
                 str(kind),
-                f"z is the difference over its standard error; within 3 both agree. {said}".strip(),
+                f"z is the difference over its standard error; within 3 both sides agree. {said}".strip(),
                 [
-                    Column("bearing, load"), Column("what"), Column("first"), Column("second"), Column("unit"), Column("z"),
+                    Column("bearing, load"),
+                    Column("what"),
+                    Column("left side", str(unit)),
+                    Column("right side", str(unit)),
+                    Column("z"),
                     Column("result"),
                 ],
                 rows,
             )
-        )  # fmt: skip
+        )
     return tables

@@ -10,7 +10,7 @@ from pipeline.findings.figures import Axis, Figure, Line, Mark, Outline, Panel, 
 
 FORCE_X, FORCE_Y = Axis("horizontal dynamic load", "N"), Axis("vertical dynamic load", "N")
 DISPLACEMENT_X, DISPLACEMENT_Y = Axis("horizontal displacement", "m"), Axis("vertical displacement", "m")
-_SHOWN_MODELS = 4
+_SHOWN_MODELS, _MOST_MODELS = 4, 12
 
 
 def of_orbits(findings: Findings) -> list[Figure]:
@@ -112,7 +112,7 @@ def _relative(findings: Findings) -> list[Figure]:
         part = part[part["steady"]]
         curves = ideal[ideal["run"] == row["run"]]
         panels = []
-        for model in curves["model"].unique():
+        for model in curves["model"].unique()[:_MOST_MODELS]:
             curve = curves[curves["model"] == model]
             first = curve.iloc[0]
             rms = f", {1e6 * first['rms']:.2g} um rms" if np.isfinite(first["rms"]) else ""
@@ -127,7 +127,7 @@ def _relative(findings: Findings) -> list[Figure]:
                 f"orbit_{row['run']}",
                 f"Orbit of {title(row)}",
                 "Which law makes this orbit? Steady turns from the static equilibrium of the selected model, drift taken "
-                "out, and each model under a load of constant size. Models share their coefficients with the other ratios "
+                "out, and each model under a load of constant size about the equilibrium that its own fit found. Models share their coefficients with the other ratios "
                 "at this static load. Counterpart of the paper's Figures 6, 7, 10 and 11.",
                 f"measured orbit of {row['run']} and the orbits of the models, one panel a model",
                 panels,
@@ -149,7 +149,7 @@ def _residual(findings: Findings) -> list[Figure]:
         steady = part[part["steady"]]
         x, y = (steady[a].to_numpy() - steady[b].to_numpy() for a, b in (("x", "mx"), ("y", "my")))
         largest = max(largest, float(np.sqrt(np.nanmean(x**2 + y**2) / 2)))
-        panels.append(Panel([Line(x, y, "residual")], DISPLACEMENT_X, DISPLACEMENT_Y, title(row), equal=True))
+        panels.append(Panel([Points(x, y, "residual")], DISPLACEMENT_X, DISPLACEMENT_Y, title(row), equal=True))
     if not panels:
         return []
     return [

@@ -74,12 +74,12 @@ def _full(findings: Findings) -> Figure:
         first = float(np.sqrt((part.loc[part["k"].abs() == 1, "motion"] ** 2).sum()))
         load = float(np.sqrt((part.loc[part["k"].abs() == 1, "load"] ** 2).sum()))
         marks: list[Mark] = [
-            Stems(k - 0.16, part["motion"].to_numpy() / first, "measured", "orbit", width=0.3),
-            Stems(k + 0.16, part["load"].to_numpy() / load, "reference", "load", width=0.3),
+            Stems(k - 0.1, part["motion"].to_numpy() / first, "measured", "orbit"),
+            Stems(k + 0.1, part["load"].to_numpy() / load, "reference", "load"),
             Line(k, 3.0 * part["motion_sigma"].to_numpy() / first, "residual", "3 sigma of the orbit", dashed=True),
         ]
         panels.append(
-            Panel(marks, Axis("order, forward above 0", whole=True), Axis("share of the 1X", "%"), title(row))
+            Panel(marks, Axis("order, forward above 0", whole=True), Axis("share of the 1X", "%", "log"), title(row))
         )
     return Figure(
         "full_spectrum",
