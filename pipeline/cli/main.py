@@ -173,6 +173,30 @@ def report(campaign: str) -> None:
 
 
 @rigfit.command()
+@click.argument("campaign")
+@click.option(
+    "--to",
+    "form",
+    required=True,
+    type=click.Choice(["csv", "ross"]),
+    help="csv: all parameters. ross: bearing tables (.toml, .xlsx) over speed and frequency.",
+)
+@click.option("--out", "-o", type=PATH, help="Folder to write into; reports/CAMPAIGN/export by default.")
+def export(campaign: str, form: str, out: Path | None) -> None:
+    """Hand findings on to other programs.
+
+    CAMPAIGN is a campaign of this project, or a findings.json or its folder.
+
+    \b
+    In ROSS:  bearing = ross.BearingElement.load("TABLE.toml")
+              bearing = ross.BearingElement.from_table(n=3, file="TABLE.xlsx")
+    """
+    from pipeline.cli import exporting
+
+    exporting.export(campaign, form, out)
+
+
+@rigfit.command()
 @click.option("--go-on", is_flag=True, help="Exit 0 also where a campaign is rejected.")
 def index(go_on: bool) -> None:
     """Render the index over all campaigns.

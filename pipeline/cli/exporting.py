@@ -1,0 +1,52 @@
+"""`rigfit export`: findings of a campaign in a form that other programs read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pipeline.campaign.project import Project
+from pipeline.errors import InputError, counted
+from pipeline.findings import Findings, storage
+from pipeline.findings.export import as_csv, bearing_tables
+from pipeline.recording.storage import whole_or_not
+
+
+def export(campaign: str, form: str, out: Path | None) -> None:
+    """Write the findings of a campaign, or of a findings.json, as `form` into the folder `out`."""
+    findings, results = _found(campaign)
+    folder = out or results / "export"
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file, not a folder; name another folder with --out.")
+    if form == "csv":
+        _write(folder / f"{findings.campaign}.csv", as_csv(findings).encode())
+        return
+    for table in bearing_tables(findings):
+        _write(folder / f"{table.name}.toml", table.toml().encode())
+        _write(folder / f"{table.name}.xlsx", table.sheet())
+        if table.skipped:
+            click.echo(
+                f"{table.name}: {counted(len(table.skipped), 'row')} left out, where a coefficient is not told "
+                f"({', '.join(f'{row:.4g}' for row in table.skipped)} rad/s).",
+                err=True,
+            )
+
+
+def _found(campaign: str) -> tuple[Findings, Path]:
+    """Return the findings that a path or a campaign of this project names, and the folder that they lie in."""
+    path = Path(campaign)
+    if path.name == "findings.json" or (path / "findings.json").is_file():
+        return storage.read(path), path if path.is_dir() else path.parent
+    results = Project.around(Path.cwd()).campaign(campaign).results
+    if not (results / "findings.json").is_file():
+        raise InputError(
+            f"campaign '{campaign}' has no findings yet ({results}); run 'dvc repro' or 'rigfit identify {campaign}' first."
+        )
+    return storage.read(results), results
+
+
+def _write(path: Path, content: bytes) -> None:
+    with whole_or_not(path) as partial:
+        partial.write_bytes(content)
+    click.echo(str(path))
