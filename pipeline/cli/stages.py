@@ -36,7 +36,10 @@ def run(
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file, not a folder; name another folder with --out.")
     table = runs_table.read(runs_path, experiment, str(runs_path)) if runs_path else None
-    handed = {path.stem if path.is_file() else path.name: findings_storage.read(path) for path in uses}
+    handed = {}
+    for number, path in enumerate(uses):
+        own = path.parent.resolve().name if path.is_file() and path.stem == "findings" else path.stem
+        handed[own if own not in handed else f"{own}-{number + 1}"] = findings_storage.read(path)
     name = runs[0].run if len(runs) == 1 else out.resolve().name
     command = shlex.join(["rigfit", *sys.argv[1:]])
     with together(out) as fresh:
