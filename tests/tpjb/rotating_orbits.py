@@ -1,20 +1,36 @@
-"""Orbits of known bearings under a turning load, as tpjb.md section 6 makes them (in x and y, without probes)."""
+"""Orbits of the synthetic bearings under a turning load, and the truth behind them."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from pipeline.rigs.tpjb.rotating import law
+from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
+from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
 from pipeline.rigs.tpjb.rotating.orbit import Orbit
+from pipeline.rigs.tpjb.rotating.record import record_of
+from pipeline.rigs.tpjb.rotating.synthetic import RUNS, synthesize
 from pipeline.rigs.tpjb.truth import bearing
 
-FREQUENCY = 0.01 * 1.0013
+
+def coefficients(**given: float) -> np.ndarray:
+    """Return the ten coefficients, shape (10,), those not given zero."""
+    p = np.zeros(10)
+    for name, value in given.items():
+        p[COEFFICIENTS.index(name)] = value
+    return p
 
 
 def truth(name: str) -> np.ndarray:
-    """Return the ten coefficients of a synthetic bearing."""
-    made = bearing(name)
+    """Return the ten coefficients of a synthetic bearing, or of that of a run (A4)."""
+    made = bearing(RUNS[name].bearing if name in RUNS else name)
     return np.array([*made.stiffness, *made.quadratic])
+
+
+def static_load(run: str) -> float:
+    """Return the static load of a run, N."""
+    return bearing(RUNS[run].bearing).static_load
 
 
 def circle(size: float, samples: int = 256) -> np.ndarray:
@@ -23,34 +39,12 @@ def circle(size: float, samples: int = 256) -> np.ndarray:
     return size * np.stack([np.cos(angle), np.sin(angle)])
 
 
-def _wander(rng: np.random.Generator, n: int, sigma: float, memory: float) -> np.ndarray:
-    keep = np.exp(-1 / memory)
-    out = np.empty(n)
-    out[0] = rng.normal()
-    for i in range(1, n):
-        out[i] = keep * out[i - 1] + np.sqrt(1 - keep**2) * rng.normal()
-    return sigma * out
+def turning_parts(d: np.ndarray) -> np.ndarray:
+    """Return Z_k of an orbit on whole turns, shape (2, n), in the order of `numpy.fft.fftfreq`."""
+    return np.fft.fft(d[0] + 1j * d[1]) / d.shape[1]
 
 
-def synthetic_orbit(name: str, ratio: float, seed: int, dwell: bool = True, noise: float = 1e-7) -> Orbit:
-    """Return one run of a synthetic bearing at the load ratio `ratio`; `noise` is that of a probe, m."""
-    rng = np.random.default_rng(seed)
-    made = bearing(name)
-    size = ratio * made.static_load
-    t = np.arange(700) + 0.5
-    envelope = np.interp(t, [60, 100, 600, 640], [0, 1, 1, 0])
-    angle = 2 * np.pi * FREQUENCY * t + _wander(rng, t.size, 0.004, 30)
-    modulus = size * (1 + _wander(rng, t.size, 0.003, 50))
-    f = modulus * np.exp(1j * angle) + 0.004 * size * np.exp(-1j * (angle - 0.5))
-    f += _wander(rng, t.size, 40, 8) + 1j * _wander(rng, t.size, 40, 8)
-    f *= envelope
-    force = np.stack([f.real, f.imag])
-    tau = 2 * (t - t[0]) / (t[-1] - t[0]) - 1
-    d = law.equilibrium(truth(name), force)
-    d = d + np.outer([0.4e-6, -0.24e-6], tau) + np.outer([1e-7, 0.5e-7], tau**2)
-    shaft = 2 * np.pi * 16.667 * t + np.cumsum(rng.normal(0, 0.15, t.size))
-    d += 4e-6 * 0.01654 * np.stack([np.cos(shaft), np.sin(shaft)])
-    d += rng.normal(0, noise / 2, d.shape)
-    measured = np.round(force + rng.normal(0, 15, force.shape))
-    kept = slice(None) if dwell else (t > 100) & (t < 600)
-    return Orbit(f"{name}-{100 * ratio:g}%", t[kept], d[:, kept], measured[:, kept], shaft_frequency=1000 / 60)
+def orbits(*runs: str, seed: int = 1, **overrides: Any) -> list[Orbit]:
+    """Return runs of the synthetic rig (A4 to A8, B3 to B6) as orbits."""
+    recordings = synthesize({"runs": runs, **overrides}, seed)
+    return [record_of(recording, RotatingSettings()).orbit for recording in recordings]

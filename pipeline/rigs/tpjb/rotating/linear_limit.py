@@ -14,12 +14,14 @@ import numpy as np
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.rigs.tpjb.rotating import law
 from pipeline.rigs.tpjb.rotating.model_fit import ModelFit
-from pipeline.rigs.tpjb.rotating.orbit import ORDERS, Harmonics, Orbit, harmonics
+from pipeline.rigs.tpjb.rotating.orbit import ORDERS, Harmonics, Orbit, circularity, harmonics
 
 LEVEL, MARGINAL = 0.05, 0.025
 _SAMPLES = 64
 _RATIOS = (0.02, 0.4)
 _DRAWS = 200
+# A load that is no circle mixes other products into 2X: what its backward part over the forward one costs.
+_ELLIPTIC = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +31,8 @@ class Distortion:
     Attributes
     ----------
     value, std_error
-        THD_nl: what the linear bearing and the load's harmonics do not explain, over 1X.
+        THD_nl: what the linear bearing and the load's harmonics do not explain, over 1X. The error
+        holds noise and what a load that is no circle makes of it.
     floor
         What noise alone would show (already taken off `value`).
     raw
@@ -84,11 +87,12 @@ def nonlinear_distortion(orbit: Orbit, K: np.ndarray) -> Distortion:
     power = float((np.abs(own.Z[higher]) ** 2).sum())
     first = float((np.abs(motion.Z[~higher]) ** 2).sum())
     net = max(power - bins * variance, 0.0)
-    # |Z + n|^2 has the variance 2 |Z|^2 s^2 + s^4.
-    spread = math.sqrt(2 * net * variance + bins * variance**2)
+    # |Z + n|^2 has the variance 2 |Z|^2 s^2 + s^4; s^2 itself is known from four lines an order.
+    spread = math.sqrt(2 * net * variance + 1.25 * bins * variance**2)
     value = math.sqrt(net / first)
     floor = math.sqrt(bins * variance / first)
-    std_error = spread / (2 * math.sqrt(first * net)) if net > spread else math.sqrt(spread / first)
+    by_noise = spread / (2 * math.sqrt(first * net)) if net > spread else math.sqrt(spread / first)
+    std_error = math.hypot(by_noise, _ELLIPTIC * circularity(load) * value)
     return Distortion(value, std_error, floor, motion.distortion(), load.distortion(), math.sqrt(first), own)
 
 

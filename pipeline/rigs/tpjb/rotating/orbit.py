@@ -320,11 +320,11 @@ def _columns(time: np.ndarray, frequency: float, orders: int) -> np.ndarray:
 def _sigma_near(time: np.ndarray, z: np.ndarray, frequency: float, k: np.ndarray) -> np.ndarray:
     """Return the noise of each Z_k from the residual's two-sided spectrum half an order to both sides.
 
-    The fit itself takes the noise at the line away, so the neighbours tell it; a white residual gives
-    (sx^2 + sy^2)/n for E|dZ|^2.
+    The fit itself takes the noise at the line away, so its neighbours at distances of 1/T tell it, which
+    the fit leaves alone; a white residual gives (sx^2 + sy^2)/n for E|dZ|^2.
     """
-    duration = time[-1] - time[0]
-    beside = np.arange(0.6, max(0.5 * abs(frequency) * duration, 2.6)) / (duration * frequency)
+    duration = time.size * float(np.median(np.diff(time)))
+    beside = np.arange(1.0, max(0.5 * abs(frequency) * duration, 2.1)) / (duration * frequency)
     sigma = np.empty(k.size)
     for i, order in enumerate(k):
         at = np.r_[order - beside, order + beside]
