@@ -20,8 +20,8 @@ from pipeline.rigs.tpjb.truth import CLEARANCE, SHAFT_SPEED, Bearing, bearing
 
 Z1, Z2 = -0.12, 0.12
 # Centre of the clearance polygon in the probes' own zero, by probe plane, (x, y), m.
-CENTRES = {4: ((12e-6, -7e-6), (18e-6, -3e-6)), 5: ((9e-6, 4e-6), (14e-6, 1e-6))}
-_GAPS = {"up": 1.02e-3, "um": 0.97e-3, "vp": 0.99e-3, "vm": 1.01e-3}
+CENTRES = ((12e-6, -7e-6), (18e-6, -3e-6))
+_REST_GAP = 1e-3
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def _recording(truth: RotatingTruth, run: RotatingRun, rng: np.random.Generator)
     d = d + _runout(truth, time, rng) + np.array(made.equilibrium)[:, None]
     if truth.delay:
         force = np.vstack([np.interp(time - truth.delay, time, component) for component in force])
-    columns = {**_gaps(truth, made, d, rng), **_loads(truth, made, force, rng)}
+    columns = {**_gaps(truth, d, rng), **_loads(truth, made, force, rng)}
     columns["speed"] = (np.round(SHAFT_SPEED + 0.02 * rng.standard_normal(n), 4), "rad/s")
     warming = 1.0 - np.exp(-time / 400.0)
     columns["temp_oil_in"] = (np.round(313.15 + 0.1 * rng.standard_normal(n), 2), "K")
@@ -230,16 +230,14 @@ def _runout(truth: RotatingTruth, time: np.ndarray, rng: np.random.Generator) ->
     return np.asarray(left * np.vstack([np.cos(angle), np.sin(angle)]))
 
 
-def _gaps(
-    truth: RotatingTruth, made: Bearing, d: np.ndarray, rng: np.random.Generator
-) -> dict[str, tuple[np.ndarray, str]]:
+def _gaps(truth: RotatingTruth, d: np.ndarray, rng: np.random.Generator) -> dict[str, tuple[np.ndarray, str]]:
     columns = {}
-    for plane, centre in enumerate(CENTRES[made.n_pads], start=1):
+    for plane, centre in enumerate(CENTRES, start=1):
         u, v = uv(d + np.array(centre)[:, None])
         for side, along in {"up": u, "um": -u, "vp": v, "vm": -v}.items():
             seen = (("v" if side[0] == "u" else "u") + side[1]) if truth.swap_uv else side
             noise = truth.probe_noise * rng.standard_normal(d.shape[1])
-            columns[f"gap_{seen}{plane}"] = (np.round(_GAPS[side] + along + noise, 10), "m")
+            columns[f"gap_{seen}{plane}"] = (np.round(_REST_GAP + along + noise, 10), "m")
     return dict(sorted(columns.items()))
 
 
