@@ -186,7 +186,7 @@ def _model(group: LoadGroup, fit: ModelFit) -> dict[str, Any]:
         "group": group.label,
         "model": fit.name,
         "selected": fit is group.selected,
-        "hidden": group.comparison.hidden.get(fit.name, ""),
+        "hidden": "" if group.selected.model.is_linear else group.comparison.hidden.get(fit.name, ""),
         "n_parameters": fit.size,
         "chi2_reduced": fit.chi2_reduced,
         "bic": candidate.bic - candidate_of(group, group.comparison.best).bic,

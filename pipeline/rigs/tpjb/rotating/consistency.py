@@ -165,7 +165,10 @@ def _against_dynamic(group: LoadGroup, uses: Mapping[str, Findings]) -> list[Con
     ratio = group.lowest.record.ratio
     at_lowest = f"M2 at {100 * ratio:.2g} %" if ratio else "M2 at the lowest load"
     chosen = group.trusted.selected
-    for label, fit in ((f"{chosen.name}, all its ratios", chosen), (at_lowest, lowest)):
+    compared = [(f"{chosen.name}, all its ratios", chosen)]
+    if chosen.name != lowest.name or len(group.trusted.runs) > 1:
+        compared.append((at_lowest, lowest))
+    for label, fit in compared:
         scale = math.sqrt(abs(fit.p[0] * fit.p[3]))
         for j, name in enumerate(ENTRIES):
             sd = math.sqrt(max(float(fit.p_covariance[j, j]), 0.0))

@@ -25,7 +25,10 @@ _FIT = "displacement-domain fit to all ratios at this static load"
 def parameter(found: Estimate, at: OperatingPoint, description: str = "", method: str = "") -> Parameter:
     """Return an estimate as a parameter of the findings."""
     spec = _SPECS[found.name]
-    text = " ".join(part for part in (spec.description + ".", description, _sentence(found.reason)) if part)
+    known = (
+        (f"{_sentence(spec.description)}", description) if found.determined else (_sentence(found.reason), description)
+    )
+    text = " ".join(part for part in known if part)
     return Parameter(
         name=found.name,
         symbol=spec.symbol,
@@ -82,9 +85,9 @@ def _coefficients(group: LoadGroup, refused: str) -> list[Parameter]:
     found = []
     for name in COEFFICIENTS:
         own = Estimate(name, None, reason=doubt) if doubt else estimates[name]
-        told = [f"Model {fit.name} ({fit.model.text})." if not refused else ""]
+        told = []
         if own.determined:
-            told += [_only_lower(group), _type_b(group, name)]
+            told += [f"Model {fit.name}.", _only_lower(group), _type_b(group, name)]
         elif not doubt:
             told += [
                 f"Determined: {c.text} = {c.value:.4g} ± {1.96 * c.std_error:.2g} {_SPECS[name].unit}."
@@ -92,7 +95,7 @@ def _coefficients(group: LoadGroup, refused: str) -> list[Parameter]:
                 if name in c.members
             ]
         elif not refused and estimates[name].determined:
-            told.append(f"At this ratio it fits best with {estimates[name].value:.4g} {_SPECS[name].unit}.")
+            told.append(f"{fit.name} fits this ratio best with {estimates[name].value:.4g} {_SPECS[name].unit}.")
         description = " ".join(part for part in told if part)
         method = f"{_FIT}, {counted(len(trusted.runs), 'run')}"
         found.append(parameter(own, dict(group.at), description, method))
@@ -122,7 +125,7 @@ def _type_b(group: LoadGroup, name: str) -> str:
     if not probe and not cell:
         return "Type A; gains of the sensors were not stated."
     power = 2.0 if name in COEFFICIENTS[4:] else 1.0  # a quadratic term has the displacement's gain squared
-    return f"Type A; type B: ±{100 * math.hypot(power * probe, cell):.2g} % (standard), all such coefficients alike."
+    return f"Type A; type B: ±{100 * math.hypot(power * probe, cell):.2g} % (standard), all coefficients alike."
 
 
 def _limit(group: LoadGroup, refused: str) -> Parameter:

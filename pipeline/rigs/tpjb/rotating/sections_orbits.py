@@ -84,7 +84,7 @@ def _absolute(findings: Findings) -> list[Figure]:
                 Panel(marks[1:], DISPLACEMENT_X, DISPLACEMENT_Y, f"{bearing}, the orbits".strip(", "), equal=True)
             )
     clearance = (
-        " with the clearance polygon of the bump test"
+        ", with the clearance polygon of the bump test"
         if polygon is not None
         else "; no bump test is used, so the clearance is not drawn and the zero is the probes'"
     )
@@ -92,7 +92,7 @@ def _absolute(findings: Findings) -> list[Figure]:
         Figure(
             "orbits_absolute",
             f"Orbits from the {zero}",
-            f"Where in the clearance does the stator move? All samples, the still stretches and ramps too{clearance}. "
+            f"Where in the clearance does the stator move? All samples, still stretches and ramps included{clearance}. "
             f"Zero: {zero}. Counterpart of the paper's Figure 5.",
             f"vertical over horizontal displacement of the stator against the shaft, from the {zero}",
             panels,
