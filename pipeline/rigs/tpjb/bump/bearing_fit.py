@@ -10,11 +10,12 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.rigs.tpjb.axes import pad_directions
-from pipeline.rigs.tpjb.bump.contact_fit import ContactFit, first_guess, fit_contact
+from pipeline.rigs.tpjb.bump.contact_fit import ContactFit, fit_contact
 from pipeline.rigs.tpjb.bump.declaration import BumpSettings
 from pipeline.rigs.tpjb.bump.geometry import Count, Polygon, count_pads, fit_polygon
 from pipeline.rigs.tpjb.bump.levels import Blocks, blocks_of, joined, with_levels
 from pipeline.rigs.tpjb.bump.record import Record, UnusableError
+from pipeline.rigs.tpjb.bump.start import first_guess
 from pipeline.rigs.tpjb.conditions import n_pads_of, pad_angles_of
 
 CANDIDATES = (3, 4, 5, 6, 7)
@@ -26,6 +27,7 @@ _FEWEST_PRESSED = 3
 # Share of the blocks that must obey the contact law.
 _LEAST_KEPT = 0.3
 _FEWEST_BLOCKS = 40
+_MOST_BLOCKS = 5000
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,13 +94,15 @@ def fit_bearing(records: Sequence[Record], settings: BumpSettings) -> BearingFit
     blocks = blocks.at(blocks.level >= 0)
     if not blocks.planes or blocks.time.size < _FEWEST_BLOCKS:
         raise UnusableError("at no force the log holds half a turn or more; hold each force for a full turn at least")
+    blocks = blocks.at(np.arange(blocks.time.size) % (1 + blocks.time.size // _MOST_BLOCKS) == 0)
+    near = max(settings.near, 3 * blocks.motion_noise)
     orbit = _top_orbit(blocks)
     stated = _stated(records, settings)
-    count = count_pads(orbit, sorted({*CANDIDATES, *([stated] if stated else [])}), settings.near)
+    count = count_pads(orbit, sorted({*CANDIDATES, *([stated] if stated else [])}), near)
     angles = _pad_angles(records, stated, count, orbit)
     levels = range(len(blocks.levels))
     polygons = {
-        plane: {k: fit_polygon(d[blocks.level == k], angles, settings.near) for k in levels}
+        plane: {k: fit_polygon(d[blocks.level == k], angles, near) for k in levels}
         for plane, d in blocks.planes.items()
     }
     absent = _absent({plane: by_level[max(by_level)] for plane, by_level in polygons.items()})

@@ -126,7 +126,9 @@ def _unknown_sides(fit: BearingFit, plane: int) -> list[int]:
     """Return the sides, from 0, whose place is not determined: never touched, or never left."""
     assert fit.contact is not None
     sd = fit.contact.fit.std_error
-    loose = [i for i in range(fit.n_pads) if not math.isfinite(sd.get(f"side_{plane}_{i + 1}", math.inf))]
+    # Known no better than the indentation by a force like the largest one: any constant force would move it so far.
+    limit = max(fit.blocks.levels) / fit.contact.fit.values["k_p"]
+    loose = [i for i in range(fit.n_pads) if not sd.get(f"side_{plane}_{i + 1}", math.inf) < limit]
     return sorted({*fit.absent, *loose})
 
 

@@ -24,6 +24,8 @@ _FRICTION = 0.005
 _DRIFT = 0.3e-6
 # Residual that counts as misfit, as a share of the deepest indentation.
 _MISFIT = 0.05
+# The same for steps of the residual with the force.
+_STEP = 0.005
 
 
 @dataclass
@@ -122,6 +124,8 @@ def _levels(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> No
             "Repeat at two or more forces, each at least double the one before.",
         )
         return
+    if fit.absent:
+        return  # an orbit that does not reach every side grows for another reason
     rise = (growth[-1, 1] - growth[-2, 1]) / (growth[-1, 0] - growth[-2, 0])
     told = f"the mean clearance grows by {rise * 1e9:.2g} um/kN from {growth[-2, 0]:.4g} to {growth[-1, 0]:.4g} N"
     compliance = 1 / fit.contact.fit.values["k_p"] if fit.contact is not None else math.inf
@@ -196,6 +200,14 @@ def _contact(fit: BearingFit, contact: ContactFit, judgement: Judgement) -> None
         judgement.doubt(
             f"The contact law misses the displacement by {1e6 * contact.motion_noise:.2g} um (rms), {ratio:.2g} times the "
             "noise of the probes: contact stiffness and clearance are averages, the law is not quite that of the bearing."
+        )
+    steps = contact.steps[np.isfinite(contact.steps).all(axis=2)]
+    clear = np.abs(steps[:, 0]) > np.maximum(6 * steps[:, 1], _STEP * deepest)
+    if len(blocks.levels) > 1 and clear.any():
+        judgement.doubt(
+            f"The stator sinks into the pads not in proportion to the force: up to {1e6 * np.abs(steps[:, 0]).max():.2g} um beside "
+            "the linear contact law. The contact stiffness is a mean over the forces, and the clearance at no force depends on "
+            "the law more than its interval says."
         )
     lost = float(contact.outliers.mean())
     if lost > 0.02:

@@ -86,11 +86,15 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Rotation:
-    """How the force turns: turns per second, share of directions it went through, largest size (N)."""
+    """How the force turns: turns per second, share of directions it went through, largest size (N), steadiness.
+
+    `steadiness` is the share of the time during which it turned about as fast as it does on the whole.
+    """
 
     frequency: float
     coverage: float
     largest: float
+    steadiness: float
 
 
 def rotation_of(samples: Samples) -> Rotation:
@@ -102,14 +106,26 @@ def rotation_of(samples: Samples) -> Rotation:
     size = np.hypot(*force.T)
     largest = float(np.quantile(size, 0.99)) if n else 0.0
     on = size > _LEAST_FORCE * largest
-    psi = np.arctan2(force[:, 1], force[:, 0])
-    both = on[1:] & on[:-1]
-    steps = (np.diff(psi) + math.pi) % (2 * math.pi) - math.pi
-    if both.sum() < 8:
-        return Rotation(0.0, 0.0, largest)
-    rate = float(np.median(steps[both] / np.diff(time)[both]) / (2 * math.pi))
-    bins = np.unique((psi[on] // (math.pi / 18)).astype(int)).size
-    return Rotation(rate, bins / 36, largest)
+    if on.sum() < 8:
+        return Rotation(0.0, 0.0, largest, 0.0)
+    psi, time = np.unwrap(np.arctan2(force[on, 1], force[on, 0])), time[on]
+    lag = max(1, psi.size // 50)
+    rates = (psi[lag:] - psi[:-lag]) / (time[lag:] - time[:-lag]) / (2 * math.pi)
+    rate = math.copysign(float(np.median(np.abs(rates))), float(np.median(rates)))
+    bins = np.unique((psi % (2 * math.pi)) // (math.pi / 18)).size
+    return Rotation(rate, bins / 36, largest, _steadiness(psi, time, rate))
+
+
+def _steadiness(psi: np.ndarray, time: np.ndarray, rate: float) -> float:
+    """Return the share of sixteenths of a turn within which the force really turned, either way, about as much."""
+    if rate == 0:
+        return 0.0
+    step = 1 / (16 * abs(rate))
+    edges = np.arange(time[0], time[-1] + step, step)
+    which = np.digitize(time, edges)
+    means = np.array([psi[which == i].mean() for i in np.unique(which)])
+    moved = np.abs(np.diff(means)) / (math.pi / 8)
+    return float(np.mean((moved > 0.3) & (moved < 3.0))) if moved.size else 0.0
 
 
 def blocks_of(samples: Samples, rotation: Rotation, block_angle: float) -> Blocks:
@@ -190,25 +206,27 @@ def with_levels(parts: list[Blocks], tolerance: float) -> list[Blocks]:
     """
     from scipy.ndimage import median_filter
 
-    smooth, turns = [], []
+    smooth, turns, steady = [], [], []
     for part in parts:
         step = float(np.median(np.diff(part.time))) if part.time.size > 1 else 1.0
-        per_turn = max(3, round(1 / (abs(part.frequency) * step)))
-        window = min(per_turn, part.time.size)
-        smooth.append(median_filter(np.log(part.size), size=window, mode="nearest"))
+        per_turn = max(4, round(1 / (abs(part.frequency) * step)))
+        size = median_filter(np.log(part.size), size=min(per_turn, part.time.size), mode="nearest")
+        quarter = max(1, per_turn // 4)
+        padded = np.pad(size, quarter, mode="edge")
+        change = np.abs(padded[2 * quarter :] - padded[: -2 * quarter])
+        smooth.append(size)
+        steady.append(change < tolerance / 2)
         turns.append(np.full(part.time.size, 1.0 / per_turn))
-    value, turn = np.concatenate(smooth), np.concatenate(turns)
+    value, turn, held = np.concatenate(smooth), np.concatenate(turns), np.concatenate(steady)
     order = np.argsort(value, kind="stable")
-    cuts = np.flatnonzero(np.diff(value[order]) > tolerance / 2) + 1
+    plateaus = order[held[order]]
+    groups = [g for g in np.split(plateaus, np.flatnonzero(np.diff(value[plateaus]) > tolerance / 2) + 1) if g.size]
+    groups = [g for g in groups if turn[g].sum() >= 0.5]
+    if not groups:
+        groups = np.array_split(order, max(1, min(6, int(turn.sum()))))
     level = np.full(value.size, -1)
-    count = 0
-    for group in np.split(order, cuts):
-        spread = float(np.diff(np.quantile(value[group], (0.05, 0.95)))[0])
-        swept = float(turn[group].sum())
-        pieces = max(1, min(6, int(swept))) if spread > 2 * tolerance else 1
-        for piece in np.array_split(group, pieces):
-            if float(turn[piece].sum()) >= 0.5:
-                level[piece] = count
-                count += 1
+    for number, group in enumerate(g for g in groups if turn[g].sum() >= 0.5):
+        level[group] = number
+        level[(level < 0) & (np.abs(value - np.median(value[group])) < tolerance / 4)] = number
     ends = np.cumsum([part.time.size for part in parts])[:-1]
     return [replace(part, level=piece) for part, piece in zip(parts, np.split(level, ends), strict=True)]

@@ -19,9 +19,12 @@ from pipeline.rigs.tpjb.probe_faults import ProbeFaults, covariance_of, probe_fa
 from pipeline.rigs.tpjb.probes import GAPS, Probes, opposite, probes_of
 
 _FEWEST = 60
+_MOST = 200_000
 # Share of the directions that the force must have gone through to have turned at all.
 _LEAST_COVERAGE = 0.3
 _MOST_LOST = 0.5
+# Share of the time during which the force must turn.
+_STEADY = 0.4
 # Share of the whole that a covariance of displacement and force must have, or not have, to mean something.
 _CLEAR = 0.3
 
@@ -57,6 +60,7 @@ def record_of(recording: Recording) -> Record:
     lost = np.zeros(time.size, dtype=bool)
     rotation = rotation_of(Samples(run, time, np.nan_to_num(xy(*force).T), {}))
     _refuse_static(rotation)
+    _refuse_unsteady(rotation)
     # A turning force never stands still for longer than a fiftieth of a turn.
     least = max(20, round(0.02 / abs(rotation.frequency) / float(np.median(np.diff(time)))))
     for name, values in zip(("force_u", "force_v"), force, strict=True):
@@ -93,23 +97,33 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
 
 
 def _signals(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Return time (n,), gaps (k, n), forces along u and v (2, n) on the time of the forces, and the gaps' names."""
+    """Return time (n,), gaps (k, n), forces along u and v (2, n) on the time of the forces, and the gaps' names.
+
+    A log of more samples than a slow test can use is averaged, channel by channel, to `_MOST` or fewer.
+    """
     stream = recording.stream_of("force_u")
-    time = stream.time
     names = tuple(name for name in GAPS if name in recording)
     if not names:
         raise InputError(
             f"run '{recording.run}' has no gap channel; expected some of {listing(GAPS)}. Map them in the recipe."
         )
-    if time.size < _FEWEST:
-        raise UnusableError(f"{time.size} samples, at least {_FEWEST} are needed")
+    if stream.time.size < _FEWEST:
+        raise UnusableError(f"{stream.time.size} samples, at least {_FEWEST} are needed")
+    several = max(1, stream.time.size // _MOST)
+    time = _averaged(stream.time, several)
 
     def on_time(name: str) -> np.ndarray:
         own = recording.stream_of(name)
-        values = np.asarray(own.channels[name].values, dtype=float)
+        values = _averaged(np.asarray(own.channels[name].values), several if own is stream else 1)
         return values if own is stream else np.asarray(np.interp(time, own.time, values, np.nan, np.nan))
 
     return time, np.stack([on_time(n) for n in names]), np.stack([on_time("force_u"), on_time("force_v")]), names
+
+
+def _averaged(values: np.ndarray, several: int) -> np.ndarray:
+    """Return means over so many samples, shape (n // several,)."""
+    n = values.size // several
+    return np.asarray(values[: n * several].reshape(n, several).mean(axis=1), dtype=float)
 
 
 def _refuse_static(rotation: Rotation) -> None:
@@ -119,6 +133,14 @@ def _refuse_static(rotation: Rotation) -> None:
         raise UnusableError(
             f"the force vector does not turn: it goes through {100 * rotation.coverage:.0f} % of the directions only. A "
             "bump test needs force_u and force_v 90 deg apart, a full turn at least; clearance and centre cannot be told"
+        )
+
+
+def _refuse_unsteady(rotation: Rotation) -> None:
+    if rotation.steadiness < _STEADY:
+        raise UnusableError(
+            "the force vector does not turn steadily: its direction jumps or wanders. A bump test needs force_u and force_v "
+            "90 deg apart, slowly turning"
         )
 
 
