@@ -22,7 +22,7 @@ from pipeline.rigs.tpjb.rotating.orbit import Orbit
 _OUTER = 6
 # A wrong model creeps along its valley; its last digits are not worth more.
 _MOST_EVALUATIONS = 60
-# Nor are its weights and true forces worth more than two passes, above this chi-square per degree of freedom.
+# Above this chi-square per degree of freedom its misfit is no noise of the force: plain weights, as measured.
 _HOPELESS = 10.0
 
 
@@ -88,12 +88,13 @@ class _Run:
         self.last: tuple[np.ndarray, np.ndarray] | None = None
         self.nuisance = np.stack([np.ones(orbit.tau.size), orbit.tau, orbit.tau**2 - 1 / 3], axis=1)
 
-    def relinearise(self, theta: np.ndarray) -> None:
-        """Move the true forces to where `theta` wants them, and renew the weights."""
+    def relinearise(self, theta: np.ndarray, plain: bool = False) -> None:
+        """Move the true forces to where `theta` wants them, and renew the weights; `plain`: as measured."""
+        noise = 0.0 if plain else self.noise.force
         d = self.displacement(theta)
         _, compliance = self.law.slopes(theta, d, self.force)
         # What of sigma is due to the force is taken out of it first: both together make sigma.
-        by_force = self.noise.force**2 * np.einsum("ijn,kjn->ikn", compliance, compliance)
+        by_force = noise**2 * np.einsum("ijn,kjn->ikn", compliance, compliance)
         mean = np.einsum("iin->i", by_force) / by_force.shape[2]
         own = np.maximum(self.noise.sigma**2 - mean, 0.1 * self.noise.sigma**2)
         covariance = by_force.transpose(2, 0, 1) + np.diag(own)
@@ -105,7 +106,7 @@ class _Run:
         self.shift = np.einsum("ijn,jn->in", compliance, self.orbit.force - self.force)
         left = self.project(self.weigh(self.orbit.displacement - d - self.shift)).reshape(-1, 2)
         back = np.einsum("nji,nj->in", self.whiten, left)
-        moved = self.orbit.force + self.noise.force**2 * np.einsum("jin,jn->in", compliance, back)
+        moved = self.orbit.force + noise**2 * np.einsum("jin,jn->in", compliance, back)
         near = self.law.displacement(theta, moved, d)
         if np.isfinite(near).all():  # else the true force would lie past the fold: it stays where it was
             self.force, self.near, self.last = moved, near, None
@@ -203,9 +204,10 @@ def solve(
 
     low, high = (bound / scale for bound in bounds)
     theta = np.clip(start / scale, low, high)
-    for turn in range(_OUTER):
+    hopeless = False
+    for _ in range(_OUTER):
         for run in runs:
-            run.relinearise(theta * scale)
+            run.relinearise(theta * scale, plain=hopeless)
         found = fit(
             lambda values: np.concatenate([run.residual(unpacked(values)) for run in runs]),
             [Unknown(*row) for row in zip(law.free, theta.tolist(), low.tolist(), high.tolist(), strict=True)],
@@ -215,9 +217,9 @@ def solve(
         )
         before, theta = theta, np.array([found.values[name] for name in law.free])
         spread = np.nan_to_num(found.covariance.std_error, nan=np.inf)
-        hopeless = turn > 0 and found.chi2 > _HOPELESS * found.dof
         if hopeless or np.all(np.abs(theta - before) < 0.02 * spread):
             break
+        hopeless = found.chi2 > _HOPELESS * found.dof
     ends = np.cumsum([0, *(2 * run.orbit.time.size for run in runs)])
     rows = tuple(slice(a, b) for a, b in pairwise(ends.tolist()))
     return Solution(theta * scale, found, tuple(run.path(theta * scale) for run in runs), rows)

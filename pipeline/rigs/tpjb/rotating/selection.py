@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.estimation.selection import Candidate, Ranked, leave_one_group_out, rank
+from pipeline.rigs.tpjb.rotating.law import SCALE
 from pipeline.rigs.tpjb.rotating.model_fit import ModelFit, fit_model
 from pipeline.rigs.tpjb.rotating.models import MODELS, Model
 from pipeline.rigs.tpjb.rotating.noise import Noise, orbit_noise
@@ -78,10 +79,17 @@ def fit_models(
         If none can be fitted.
     """
     noises = [orbit_noise(orbit) for orbit in orbits] if noises is None else noises
-    fits, failed = [], {}
+    fits: list[ModelFit] = []
+    failed = {}
     for model in models:
         try:
-            fits.append(fit_model(orbits, model, noises))
+            fit = fit_model(orbits, model, noises)
+            # A wrong model may get stuck where a simpler one that it holds does not: then it starts from there.
+            held = min((f for f in fits if model.holds(f.model)), key=lambda f: f.chi2, default=None)
+            if held and held.chi2 < fit.chi2:
+                start = np.linalg.lstsq(model.matrix / SCALE[:, None], held.p / SCALE, rcond=None)[0]
+                fit = min(fit, fit_model(orbits, model, noises, start), key=lambda f: f.chi2)
+            fits.append(fit)
         except InputError as error:
             failed[model.name] = str(error)
     if not fits:
@@ -95,7 +103,7 @@ def compare(fits: Sequence[ModelFit], failed: dict[str, str] | None = None) -> C
     Notes
     -----
     Samples whose residual is correlated count as fewer (`effective_share`), from the model of the
-    least residual. Of the models that the best one holds, the simplest is selected that changes the
+    least residual. Of the linear models and those that the best one holds, the simplest is selected that changes the
     orbit by less than 1 % of the 1X amplitude and leaves no more than noise.
     """
     least = min(fits, key=lambda fit: fit.chi2)
@@ -111,7 +119,12 @@ def compare(fits: Sequence[ModelFit], failed: dict[str, str] | None = None) -> C
     enough = [
         fit
         for fit in fits
-        if fit is best or (best.model.holds(fit.model) and effects[fit.name] < RELEVANT and fit.chi2_reduced < limit)
+        if fit is best
+        or (
+            (fit.model.is_linear or best.model.holds(fit.model))
+            and effects[fit.name] < RELEVANT
+            and fit.chi2_reduced < limit
+        )
     ]
     selected = min(enough, key=lambda fit: (fit.size, not fit.model.is_linear, bic[fit.name]))
     hidden = {}
