@@ -150,3 +150,18 @@ def test_a_lag_and_a_mass_are_told_by_what_they_do_to_all_entries() -> None:
     mass, error, stiffness = laws.added_mass(W, heavy[:, 0, 0].real, sd[:, 0, 0])
     assert (mass, stiffness) == (pytest.approx(900.0, rel=1e-6), pytest.approx(6e8, rel=1e-6))
     assert error > 0
+
+
+def test_a_trend_too_small_to_be_seen_does_not_leave_the_interval_without_the_truth() -> None:
+    rng = np.random.default_rng(2)
+    r, sd, dof = TONES / 16.667 - 1, np.linspace(6.0, 3.4, 8), np.full(8, 18.0)
+    held = {0.0: 0, 1.5: 0}
+    for slope in held:
+        for _ in range(400):
+            y = slope * 4.5 * r + sd * rng.standard_normal(8)
+            fitted = [laws.fit_law(r, y, sd, dof, degree) for degree in range(3)]
+            law = laws.choose(fitted) or fitted[-1]
+            (value,), (scatter,) = law.at(0.0)
+            held[slope] += abs(value) < 2.0 * np.hypot(scatter, laws.choice_error(law, fitted))
+    assert 0.95 < held[0.0] / 400 < 0.99
+    assert held[1.5] / 400 > 0.9

