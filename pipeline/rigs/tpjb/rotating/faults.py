@@ -63,6 +63,12 @@ def faults_of(turns: Turns) -> list[QualityFinding]:
 def _state(record: Record) -> list[QualityFinding]:
     """Compare speed and static load with what the run is labelled as."""
     found = []
+    if record.orbit.shaft_frequency is None:
+        text = (
+            "the shaft speed is not given (neither 'speed' nor 'shaft_speed_nominal'): the operating point lacks it, and the "
+            "shaft's own line is not looked for."
+        )
+        found.append(QualityFinding("note", text, record.run))
     nominal = record.conditions.get("shaft_speed_nominal")
     if record.speed is not None and isinstance(nominal, int | float) and nominal > 0:
         off = record.speed / nominal - 1.0

@@ -16,7 +16,7 @@ from pipeline.rigs.tpjb.rotating import law
 from pipeline.rigs.tpjb.rotating.group import LoadGroup
 from pipeline.rigs.tpjb.rotating.linear_limit import MARGINAL
 from pipeline.rigs.tpjb.rotating.model_fit import ModelFit
-from pipeline.rigs.tpjb.rotating.noise import alias_line, low_band
+from pipeline.rigs.tpjb.rotating.noise import alias_line
 from pipeline.rigs.tpjb.rotating.orbit import Orbit
 from pipeline.rigs.tpjb.rotating.turns import Turns
 
@@ -41,7 +41,7 @@ def faults_of_fit(group: LoadGroup) -> list[QualityFinding]:
     """Return what the fits of a group show of its runs."""
     found = [*group.findings, *_drift(group), *_shaft_line(group)]
     for turns in group.runs:
-        found += [*_load_harmonics(group, turns), *_friction(group, turns)]
+        found += _load_harmonics(group, turns)
     return found
 
 
@@ -69,6 +69,8 @@ def _shaft_line(group: LoadGroup) -> list[QualityFinding]:
         if line is None or orbit.shaft_frequency is None:
             continue
         amplitude, at = line
+        if turns.record.notched is not None:
+            amplitude = turns.record.notched
         left = abs(float(np.sinc(orbit.shaft_frequency * orbit.step)))
         if amplitude < 0.5 * float(np.sqrt((residual**2).mean())) or not left > 0:
             continue
@@ -137,8 +139,9 @@ def delay_of(fit: ModelFit, place: int) -> Delay | None:
     solution, _, rank, _ = np.linalg.lstsq(A / norms, path.residual.reshape(-1), rcond=1e-9)
     if rank < A.shape[1]:
         return None
-    sigma, _ = low_band(orbit.time, path.residual, orbit.rotation.frequency, orbit.shaft_frequency)
-    error = float(np.sqrt((sigma**2).mean())) * np.sqrt(np.diag(np.linalg.inv((A / norms).T @ (A / norms)))) / norms
+    error = (
+        float(np.sqrt((path.residual**2).mean())) * np.sqrt(np.diag(np.linalg.inv((A / norms).T @ (A / norms)))) / norms
+    )
     value = solution / norms
     return Delay(float(value[-2]), float(error[-2]), float(value[-1]), float(error[-1]))
 
@@ -179,16 +182,33 @@ def _turning(group: LoadGroup) -> float:
     return 2.0 * math.pi * abs(group.highest.record.rotation.frequency)
 
 
-def _friction(group: LoadGroup, turns: Turns) -> list[QualityFinding]:
-    """Say a force against the motion that the load cells carry and the film does not."""
-    delay = delay_of(group.selected, group.index[turns.run])
-    size = turns.record.rotation.size
-    if delay is None or not abs(delay.friction) > max(_SURE * delay.friction_sd, _FRICTION * size):
-        return []
-    against = "against" if delay.friction > 0 else "along"
+def rubbing(group: LoadGroup) -> dict[str, Delay]:
+    """Return the runs in which a force against the motion is sure and large: the load cells carry it, the film does not."""
+    found = {}
+    for turns in group.runs:
+        delay = delay_of(group.selected, group.index[turns.run])
+        size = turns.record.rotation.size
+        if delay is not None and abs(delay.friction) > max(_SURE * delay.friction_sd, _FRICTION * size):
+            found[turns.run] = delay
+    return found
+
+
+def friction_force(group: LoadGroup, run: str, friction: float) -> np.ndarray:
+    """Return a force of constant size (N) along the motion of a run, shape (2, n): what friction adds to the cells."""
+    place = group.index[run]
+    fit = group.selected
+    orbit, d = fit.orbits[place], fit.paths[place].displacement
+    compliance = law.compliance(fit.p, d)
+    velocity = np.einsum("ijn,jn->in", compliance, np.gradient(orbit.force, orbit.time, axis=1))
+    return np.asarray(friction * _direction(velocity, orbit))
+
+
+def told_friction(run: str, friction: float, sd: float, size: float) -> QualityFinding:
+    """Say a friction that was taken off."""
+    against = "against" if friction > 0 else "along"
     text = (
-        f"a force of {abs(delay.friction):.2g} ± {1.96 * delay.friction_sd:.1g} N stands {against} the motion, "
-        f"{100 * abs(delay.friction) / size:.2g} % of the load: friction of stabilisers, hoses or actuators? It is in the "
-        "cross coupling (kxy - kyx) of this run, and shrinks beside a larger load."
+        f"a force of {abs(friction):.2g} ± {1.96 * sd:.1g} N stands {against} the motion, {100 * abs(friction) / size:.2g} % of "
+        "the load: friction of stabilisers, hoses or actuators? It was told from ramps and unrest of the load and taken off "
+        "the load cells; left in, it would count as cross coupling (kxy - kyx)."
     )
-    return [QualityFinding("warning", text, turns.run, "force_u")]
+    return QualityFinding("warning", text, run, "force_u")

@@ -18,17 +18,24 @@ from pipeline.rigs.tpjb.rotating.clearance import clearances_of
 from pipeline.rigs.tpjb.rotating.consistency import consistency_of, stiffness_of_load
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.faults import faults_of
-from pipeline.rigs.tpjb.rotating.fit_faults import faults_of_fit, late_forces, told_delay
+from pipeline.rigs.tpjb.rotating.fit_faults import (
+    faults_of_fit,
+    friction_force,
+    late_forces,
+    rubbing,
+    told_delay,
+    told_friction,
+)
 from pipeline.rigs.tpjb.rotating.group import LoadGroup, fit_group, with_load_models
 from pipeline.rigs.tpjb.rotating.orientation import orientation_of, unit_findings
 from pipeline.rigs.tpjb.rotating.parameters import models_of, parameters_of
 from pipeline.rigs.tpjb.rotating.published import published
 from pipeline.rigs.tpjb.rotating.record import record_of
 from pipeline.rigs.tpjb.rotating.turns import Turns, turns_of
-from pipeline.rigs.tpjb.rotating.verdict import judge
+from pipeline.rigs.tpjb.rotating.verdict import ended, judge
 from pipeline.signals.resampling import interpolated
 
-_SHIFTS = 3  # a delay is found in the load's unrest, which it blurs: again after each shift
+_MENDINGS = 4  # a delay is found in the load's unrest, which it blurs: again after each shift; then friction
 
 
 @dataclass
@@ -42,9 +49,8 @@ class _Sorted:
 
     def leave_out(self, run: str, reason: str) -> None:
         """Leave a run out and say why."""
-        reason = reason.rstrip(".")
         self.left_out[run] = reason
-        self.quality.append(QualityFinding("error", f"left out: {reason}.", run))
+        self.quality.append(QualityFinding("error", ended(f"left out: {reason}"), run))
 
 
 def identify(recordings: Sequence[Recording], settings: RotatingSettings, context: Context) -> Findings:
@@ -118,16 +124,28 @@ def _sort(recordings: Sequence[Recording], settings: RotatingSettings) -> _Sorte
 
 
 def _fitted(at: OperatingPoint, members: list[Turns], settings: RotatingSettings, runs: _Sorted) -> list[LoadGroup]:
-    """Fit one static load; where the forces turn out late they are shifted and the fits repeated."""
+    """Fit one static load; delay of the forces and friction in them are taken off and the fits repeated."""
     total, sd = 0.0, 0.0
+    friction: dict[str, tuple[float, float]] = {}
     try:
         group = fit_group(at, members, settings)
-        for _ in range(_SHIFTS):
+        for _ in range(_MENDINGS):
             late, sd = late_forces(group)
-            if not late:
+            rubbed = {} if late else rubbing(group)
+            if not late and not rubbed:
                 break
             total += late
-            members = [_shifted(turns, late, settings) for turns in members]
+            for run, found in rubbed.items():
+                before, _ = friction.get(run, (0.0, 0.0))
+                friction[run] = before + found.friction, found.friction_sd
+            members = [
+                _shifted(turns, late, settings)
+                if late
+                else _without_friction(group, turns, rubbed[turns.run].friction, settings)
+                if turns.run in rubbed
+                else turns
+                for turns in members
+            ]
             group = fit_group(at, members, settings)
     except InputError as error:
         for turns in members:
@@ -135,7 +153,17 @@ def _fitted(at: OperatingPoint, members: list[Turns], settings: RotatingSettings
         return []
     if total:
         runs.quality.append(told_delay(group, total, sd))
+    for turns in group.runs:
+        if turns.run in friction:
+            runs.quality.append(told_friction(turns.run, *friction[turns.run], turns.record.rotation.size))
     return [group]
+
+
+def _without_friction(group: LoadGroup, turns: Turns, friction: float, settings: RotatingSettings) -> Turns:
+    """Return a run with that much friction (N) taken off its forces."""
+    orbit = turns.record.orbit
+    force = orbit.force - friction_force(group, turns.run, friction)
+    return turns_of(replace(turns.record, orbit=replace(orbit, force=force)), settings)
 
 
 def _shifted(turns: Turns, late: float, settings: RotatingSettings) -> Turns:
@@ -160,4 +188,4 @@ def _nothing_usable(runs: _Sorted, recordings: Sequence[Recording], context: Con
     files = [source.path for r in recordings if r.run == first for source in r.provenance.files]
     place = f"run '{first}' ({listing(files)})" if files else f"run '{first}'"
     more = f" The same or another reason holds for {counted(len(others), 'more run')}." if others else ""
-    return f"campaign '{context.campaign}': no run can be used; {place}: {reason}.{more}"
+    return f"campaign '{context.campaign}': no run can be used; {place}: {ended(reason)}{more}"

@@ -125,7 +125,7 @@ def rotation(time: np.ndarray, force: np.ndarray) -> Rotation:
     if high.sum() < 8 or not modulus.max() > 0:
         raise InputError("the dynamic force is zero throughout: no turning load can be found in it.")
     full = _longest(high)
-    t, angle = time[full], np.unwrap(np.angle(f[full]))
+    t, angle = time[full], _unwrapped(time[full], f[full])
     line = np.polynomial.Polynomial.fit(t, angle, 1).convert().coef
     advance = abs(line[1]) * float(np.median(np.diff(t)))
     if abs(angle[-1] - angle[0]) < 1.5 * np.pi or advance > 2 * np.pi / 8:
@@ -134,7 +134,7 @@ def rotation(time: np.ndarray, force: np.ndarray) -> Rotation:
             f"in {t[-1] - t[0]:.0f} s at full size; a turning load with at least 8 samples a turn was expected."
         )
     steady = _steady(time, f, full, line[1])
-    t, angle = time[steady], np.unwrap(np.angle(f[steady]))
+    t, angle = time[steady], _unwrapped(time[steady], f[steady])
     line = np.polynomial.Polynomial.fit(t, angle, 1).convert().coef
     departure = angle - line[0] - line[1] * t
     wander = float(np.sqrt(np.mean(departure**2)))
@@ -144,8 +144,14 @@ def rotation(time: np.ndarray, force: np.ndarray) -> Rotation:
     size = float(modulus[steady].mean())
     dwell = modulus < DWELL * size
     everywhere = np.full(time.size, np.nan)
-    everywhere[~dwell] = np.unwrap(np.angle(f[~dwell]))
+    everywhere[~dwell] = _unwrapped(time[~dwell], f[~dwell])
     return Rotation(float(line[1] / (2 * np.pi)), std_error, float(turns), everywhere, wander, size, steady, dwell)
+
+
+def _unwrapped(time: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """Return the angle of a turning vector without jumps, shape (n,), rad; gaps in the log are bridged at its usual speed."""
+    speed = float(np.median(np.angle(f[1:] * f[:-1].conj()) / np.diff(time)))
+    return np.asarray(np.unwrap(np.angle(f * np.exp(-1j * speed * time))) + speed * time)
 
 
 def _steady(time: np.ndarray, f: np.ndarray, full: np.ndarray, speed: float) -> np.ndarray:

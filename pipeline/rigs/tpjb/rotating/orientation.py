@@ -110,30 +110,37 @@ def _otherwise(P: np.ndarray) -> str:
 
 
 def unit_findings(record: Record) -> list[QualityFinding]:
-    """Return what sizes say of the units: gaps, forces against the ratio as set, stiffness, orbit in the clearance."""
+    """Return what sizes say of the units: gaps, forces against the ratio as set, stiffness, orbit in the clearance.
+
+    An error where the coefficients cannot be: stiffness out of all range, an orbit beyond the clearance,
+    or a size of the gaps and a stiffness that are both unheard of.
+    """
     K = rough_stiffness(record)
-    gaps = np.array(list(record.gaps.values()))
     k = math.sqrt(abs(float(np.linalg.det(K))))
-    found = []
-    if gaps.size and (gaps > 0).all() and not _GAP_RANGE[0] < float(np.median(gaps)) < _GAP_RANGE[1]:
-        slip = _slip(1e-3 / float(np.median(gaps)), _LENGTHS)
-        text = (
-            f"the gaps are {1e3 * float(np.median(gaps)):.3g} mm, which no proximity probe at a bearing shows: unit of the "
-            f"gap channels?{slip}"
-        )
-        found.append(QualityFinding("warning", text, record.run, next(iter(record.gaps))))
-    force_slip = _force_slip(record)
-    if force_slip is not None:
-        found.append(force_slip)
+    gaps, force = _gap_slip(record), _force_slip(record)
+    found = [slip for slip in (gaps, force) if slip is not None]
     if not STIFFNESS_RANGE[0] <= k <= STIFFNESS_RANGE[1]:
         text = (
             f"the stiffness is about {k:.2g} N/m, outside {STIFFNESS_RANGE[0]:.0e} to {STIFFNESS_RANGE[1]:.0e} N/m: unit of "
-            f"the forces or of the gaps?{_slip(1e9 / k, _STIFFNESSES)}"
+            f"the forces or of the gaps?{'' if found else _slip(1e9 / k, _STIFFNESSES)}"
         )
         found.append(QualityFinding("error", text, record.run))
     else:
-        found += _against_clearance(record, k)
+        found += _against_clearance(record, k, gaps is not None)
     return found
+
+
+def _gap_slip(record: Record) -> QualityFinding | None:
+    """Compare the gaps with what proximity probes at bearings show; gaps that were zeroed tell nothing."""
+    gaps = np.array(list(record.gaps.values()))
+    middle = float(np.median(gaps)) if gaps.size else math.nan
+    if not (gaps > 0).all() or _GAP_RANGE[0] < middle < _GAP_RANGE[1] or not middle > 0:
+        return None
+    text = (
+        f"the gaps are {1e3 * middle:.3g} mm, which no proximity probe at a bearing shows: unit of the gap channels?"
+        f"{_slip(1e-3 / middle, _LENGTHS)}"
+    )
+    return QualityFinding("warning", text, record.run, next(iter(record.gaps)))
 
 
 def _force_slip(record: Record) -> QualityFinding | None:
@@ -153,7 +160,7 @@ def _force_slip(record: Record) -> QualityFinding | None:
     return QualityFinding("warning", text, record.run, "force_u")
 
 
-def _against_clearance(record: Record, k: float) -> list[QualityFinding]:
+def _against_clearance(record: Record, k: float, sure: bool) -> list[QualityFinding]:
     c, W = record.conditions.get("clearance_nominal"), record.static_load
     if not (isinstance(c, float | int) and c > 0):
         return []
@@ -171,7 +178,7 @@ def _against_clearance(record: Record, k: float) -> list[QualityFinding]:
             f"stiffness times clearance over static load is {k * c / W:.2g}, and bearings have about {_USUAL:g}: unit of "
             f"gaps, forces, static_load or clearance_nominal?{_slip(W * _USUAL / (k * c), _STIFFNESSES)}"
         )
-        found.append(QualityFinding("warning", text, record.run))
+        found.append(QualityFinding("error" if sure else "warning", text, record.run))
     return found
 
 

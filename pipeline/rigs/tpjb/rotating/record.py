@@ -21,6 +21,7 @@ from pipeline.rigs.tpjb.probes import GAPS, Probes, describe, probes_of
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.orbit import Orbit, Rotation, rotation
 from pipeline.rigs.tpjb.rotating.sampling import Sampled, sampled
+from pipeline.rigs.tpjb.rotating.shaft_line import without_shaft_line
 
 _FORCES = ("force_u", "force_v")
 _BESIDE = ("force_static", "speed")
@@ -52,6 +53,8 @@ class Record:
         Mean of each gap channel in use, m.
     probes
         The probes in words.
+    notched
+        Amplitude of the shaft's line that was taken out of the displacement, m; None where none was.
     findings
         What was noticed and dealt with on the way.
     """
@@ -66,6 +69,7 @@ class Record:
     gaps: dict[str, float]
     probes: str
     conditions: dict[str, Condition]
+    notched: float | None = None
     findings: tuple[QualityFinding, ...] = ()
 
     @property
@@ -113,13 +117,17 @@ def record_of(recording: Recording, settings: RotatingSettings) -> Record:
         raise InputError(f"{int(needed.sum())} samples with both forces, at least {_LEAST_SAMPLES} are needed")
     probes = _sound_probes(recording, table, gaps, findings)
     d, force, kept = _motion(probes, table)
-    force = _without_zero(recording.run, table.time[kept], force, findings)
+    try:
+        force = _without_zero(recording.run, table.time[kept], force, findings)
+    except InputError as error:
+        raise InputError(f"{error}{_idle(force)}") from error
     gap_values = np.vstack([table.values[name][kept] for name in probes.names])
     speed = _mean(table, "speed")
     known_speed = speed if speed is not None else shaft_speed_of(recording)
     shaft = None if known_speed is None else known_speed / (2.0 * math.pi)
+    orbit, notched = without_shaft_line(Orbit(recording.run, table.time[kept], d, force, None, shaft))
     return Record(
-        orbit=Orbit(recording.run, table.time[kept], d, force, None, shaft),
+        orbit=orbit,
         tilt=None if probes.tilt is None else probes.tilt @ gap_values,
         planes={plane: matrix @ gap_values for plane, matrix in probes.planes.items()},
         static_load=static_load_of(recording),
@@ -129,6 +137,7 @@ def record_of(recording: Recording, settings: RotatingSettings) -> Record:
         gaps=dict(zip(probes.names, gap_values.mean(axis=1).tolist(), strict=True)),
         probes=describe(probes),
         conditions=dict(recording.conditions),
+        notched=notched,
         findings=tuple(findings),
     )
 
@@ -190,6 +199,15 @@ def _without_zero(run: str, time: np.ndarray, force: np.ndarray, findings: list[
     )
     findings.append(QualityFinding("note", text, run))
     return np.asarray(force - zero[:, None])
+
+
+def _idle(force: np.ndarray) -> str:
+    """Name the actuator that hardly moves, as a question; empty where both do."""
+    moved = np.std(FROM_UV.T @ force, axis=1)
+    for axis, own, other in (("u", moved[0], moved[1]), ("v", moved[1], moved[0])):
+        if own < 0.1 * other:
+            return f" force_{axis} moves by {own:.3g} N rms, the other by {other:.3g} N: is actuator {axis} off?"
+    return ""
 
 
 def _standing(time: np.ndarray, force: np.ndarray, turning: Rotation) -> np.ndarray:

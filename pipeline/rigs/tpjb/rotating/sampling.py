@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.errors import InputError, counted
+from pipeline.errors import InputError, counted, listing
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.tpjb.axes import xy
 from pipeline.rigs.tpjb.rotating.orbit import rotation
@@ -48,12 +48,17 @@ def sampled(recording: Recording, names: Sequence[str], average: float | None) -
         If a force has no samples, or does not turn.
     """
     findings: list[QualityFinding] = []
+    wild: dict[str, np.ndarray] = {}
     columns = {name: recording.signal(name) for name in names}
     turns = _turns(recording, columns)
     for name in names:
         if name.startswith(("gap_", "force_u", "force_v")):
             columns[name] = _without_stuck(recording.run, name, *columns[name], turns, findings)
-            columns[name] = _without_wild(recording.run, name, *columns[name], findings)
+            columns[name], left = _without_wild(*columns[name])
+            if left.size:
+                wild[name] = left
+    if wild:
+        findings.append(_told_wild(recording.run, wild))
     base, _ = columns["force_u"]
     if base.size < 2:
         raise InputError(f"{base.size} samples of force_u")
@@ -157,13 +162,12 @@ def _without_stuck(
     return time, blanked
 
 
-def _without_wild(
-    run: str, name: str, time: np.ndarray, values: np.ndarray, findings: list[QualityFinding]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Blank single samples far from the line between their neighbours."""
+def _without_wild(time: np.ndarray, values: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """Blank single samples far from the line between their neighbours; return the channel and the stamps of those."""
     kept = np.flatnonzero(np.isfinite(values))
+    none = np.zeros(0)
     if kept.size < 11:
-        return time, values
+        return (time, values), none
     t, x = time[kept], values[kept]
     bend = x[1:-1] - 0.5 * (x[:-2] + x[2:])
     bend[t[2:] - t[:-2] > 3.0 * float(np.median(np.diff(t)))] = 0.0  # a gap lies between
@@ -173,10 +177,16 @@ def _without_wild(
     far = size > max(12.0 * spread, 0.05 * float(np.ptp(np.quantile(x, [0.02, 0.98]))))
     far[1:-1] &= (size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:])
     if not far.any():
-        return time, values
-    wild = kept[far]
+        return (time, values), none
     blanked = values.copy()
-    blanked[wild] = np.nan
-    text = f"{counted(wild.size, 'lone wild sample')} of {name}, up to {size[far].max():.3g} off the others, left out."
-    findings.append(QualityFinding("note", text, run, name, (float(time[wild[0]]), float(time[wild[-1]]))))
-    return time, blanked
+    blanked[kept[far]] = np.nan
+    return (time, blanked), t[far]
+
+
+def _told_wild(run: str, wild: dict[str, np.ndarray]) -> QualityFinding:
+    """Say which channels have lone wild samples, and that they are left out."""
+    told = listing((f"{name} ({counted(stamps.size, 'sample')})" for name, stamps in wild.items()), 12)
+    every = np.concatenate(list(wild.values()))
+    channel = next(iter(wild)) if len(wild) == 1 else None
+    text = f"samples far from their neighbours on both sides are left out: {told}."
+    return QualityFinding("note", text, run, channel, (float(every.min()), float(every.max())))

@@ -90,7 +90,7 @@ def fit_models(
                 start = np.linalg.lstsq(model.matrix / SCALE[:, None], held.p / SCALE, rcond=None)[0]
                 fit = min(fit, fit_model(orbits, model, noises, start), key=lambda f: f.chi2)
             fits.append(fit)
-        except InputError as error:
+        except (InputError, np.linalg.LinAlgError) as error:
             failed[model.name] = str(error)
     if not fits:
         raise InputError(f"no model could be fitted: {next(iter(failed.values()))}")

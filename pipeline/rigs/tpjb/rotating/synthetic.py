@@ -202,6 +202,11 @@ def _recording(truth: RotatingTruth, run: RotatingRun, rng: np.random.Generator)
     time = (np.arange(n) + 0.5) / truth.rate
     force = _force(truth, run, time, rng)
     d = motion(run, force)
+    if np.isnan(d).any():
+        raise InputError(
+            f"run '{run.name}' of the synthetic rig: at a load ratio of {run.ratio:g} the law of {run.bearing} is past its "
+            "fold and has no equilibrium; choose a smaller ratio."
+        )
     if truth.friction:
         velocity = np.gradient(d, time, axis=1)
         force = force + truth.friction * velocity / np.maximum(np.hypot(*velocity), 1e-12)

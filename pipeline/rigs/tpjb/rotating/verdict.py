@@ -59,7 +59,7 @@ def judge(
     said = Judgement()
     if refused:
         said.verdict = "rejected"
-        said.reasons.append(f"No coefficient is given: {refused}.")
+        said.reasons.append(f"No coefficient is given: {ended(refused)}")
     for group in groups:
         if not refused:
             said.reasons += summary(group, settings)
@@ -68,7 +68,7 @@ def judge(
         if not refused and entry.contradicts:
             said.warn(entry.sentence)
     _left_out(said, left_out)
-    grave = [q for q in quality if q.level != "note"]
+    grave = [q for q in quality if q.level != "note" and q.run not in left_out and q.message.rstrip(".") != refused]
     for finding in grave[:_TOLD]:
         where = f"Run {finding.run}: " if finding.run else ""
         said.warn(f"{where}{finding.message}" if where else finding.message[:1].upper() + finding.message[1:])
@@ -117,8 +117,8 @@ def _second_order(group: LoadGroup, at: str) -> str:
             f"the 2X orbit at {at} is open ({100 * value:.2g} ± {196 * sd:.1g} %): eqs (3) and (4) are not enough, mixed "
             "terms are needed."
         )
-    enough = "eqs (3) and (4) are enough" if group.comparison.passes else "and yet no quadratic law holds"
-    return f"the 2X orbit at {at} is a line within its error: {enough}."
+    enough = ": eqs (3) and (4) are enough" if group.comparison.passes else ", and yet no quadratic law holds"
+    return f"the 2X orbit at {at} is a line within its error{enough}."
 
 
 def _clearance(group: LoadGroup, displacement: float) -> str:
@@ -175,8 +175,14 @@ def _highest(group: LoadGroup) -> str:
     return f"{100 * record.ratio:.2g} %" if record.ratio else f"{record.rotation.size:.4g} N"
 
 
+def ended(sentence: str) -> str:
+    """Return a sentence with its full stop, if it has no other end."""
+    sentence = sentence.rstrip()
+    return sentence if sentence.endswith((".", "?", "!")) else f"{sentence}."
+
+
 def _left_out(said: Judgement, left_out: dict[str, str]) -> None:
     for run, reason in list(left_out.items())[:_TOLD]:
-        said.warn(f"Run {run} is left out: {reason.rstrip('.')}.")
+        said.warn(f"Run {run} is left out: {ended(reason)}")
     if len(left_out) > _TOLD:
         said.warn(f"{len(left_out) - _TOLD} more runs are left out, see the quality findings.")
