@@ -134,12 +134,12 @@ def _stated(records: Sequence[Record], settings: BumpSettings) -> int | None:
 
 def _pad_angles(records: Sequence[Record], stated: int | None, count: Count, orbit: np.ndarray) -> np.ndarray:
     """Return the directions of the pads: as stated unless the orbit clearly shows another number."""
+    if count.found is None:
+        raise UnusableError(
+            "the orbit is no polygon of 3 to 7 sides: the force may be too small to press the shaft against the pads, or "
+            "there is oil in the bearing. Raise the force until the orbit no longer changes"
+        )
     if stated is None:
-        if count.found is None:
-            raise UnusableError(
-                "the orbit is no polygon of 3 to 7 sides: the force may be too small to press the shaft against the pads, "
-                "or there is oil in the bearing. Raise the force until the orbit no longer changes, or state n_pads"
-            )
         return pad_directions(count.found)
     times, share = _CONTRADICTED
     misfit, best = count.misfits[stated], min(count.misfits.values())
@@ -148,7 +148,7 @@ def _pad_angles(records: Sequence[Record], stated: int | None, count: Count, orb
         and misfit > times * best
         and misfit > share * float(np.ptp(orbit, axis=0).max())
     ):
-        return pad_directions(count.found or stated)
+        return pad_directions(count.found)
     told = [pad_angles_of(record.recording) for record in records]
     fitting = [angles for angles in told if angles is not None and angles.size == stated]
     return fitting[0] if fitting else pad_directions(stated)

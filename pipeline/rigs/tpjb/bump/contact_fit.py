@@ -127,7 +127,10 @@ def fit_contact(blocks: Blocks, start: Mapping[int, Bearing], absent: Collection
         rests = {p: rest(blocks.force, bearing) for p, bearing in bearings.items()}
         unchanged = steady(blocks, bearings, margin)
         now = (fitted.values["k_p"], fitted.values["k_s"])
-        close = (max(_SETTLED * a, 0.2 * fitted.std_error[name]) for name, a in zip(("k_p", "k_s"), now, strict=True))
+        # Standard errors as the noise alone has them: they are scaled with the misfit until the fit settles.
+        scale = 0.2 / max(math.sqrt(fitted.chi2 / max(fitted.dof, 1)), 1.0)
+        error = [scale * fitted.std_error[name] for name in ("k_p", "k_s")]
+        close = [max(_SETTLED * a, e) for a, e in zip(now, error, strict=True)]
         settled = all(abs(a - b) < limit for a, b, limit in zip(now, before, close, strict=True))
         before = now
         if settled and trimmed:

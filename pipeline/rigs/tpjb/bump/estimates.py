@@ -35,7 +35,7 @@ def parameters_of(fit: BearingFit, at: At, condemned: str = "") -> list[Paramete
     )
     found = [
         *_per_plane(fit, at, typeb),
-        *_tilts(fit, at),
+        *_tilts(fit, at, typeb),
         *_stiffnesses(fit, at, _type_b(fit, "sensor_gain_u", "force_gain_u") + one_level),
     ]
     return [_parameter(undetermined(e.name, condemned, e.at) if condemned else e, method) for e in found]
@@ -173,7 +173,7 @@ def _derived(contact: ContactFit, plane: int, n_pads: int, absent: Sequence[int]
     return propagate(derived, at, Covariance(matrix, covariance.dof, covariance.method))
 
 
-def _tilts(fit: BearingFit, at: At) -> list[Estimate]:
+def _tilts(fit: BearingFit, at: At, typeb: str) -> list[Estimate]:
     names = ("tilt_x", "tilt_y")
     if len(fit.blocks.planes) < 2:
         return [undetermined(name, "the probes measure one plane only", at) for name in names]
@@ -196,6 +196,7 @@ def _tilts(fit: BearingFit, at: At) -> list[Estimate]:
     z1, z2 = next(z for z in places if z is not None)
     values, spread = tilt_of(fit.contact, fit.n_pads, z1, z2)
     reason = f"difference of the centres in plane 2 and 1 over z2 - z1 = {z2 - z1:.4g} m"
+    reason = "; ".join(t for t in (reason, typeb) if t)
     return [
         estimate(name, value, sd, dof=spread.dof, at=at, reason=reason)
         for name, value, sd in zip(names, values, spread.std_error, strict=True)

@@ -203,30 +203,26 @@ def _growth(findings: Findings, bearing: str) -> list[Figure | Table]:
     levels = _of(findings, "levels", bearing)
     blocks: list[Figure | Table] = []
     k_p = _value(findings, "contact_stiffness", bearing)
-    if levels["force"].nunique() > 1:
+    zeros = {int(p): _value(findings, "clearance", bearing, plane=float(p)) for p in sorted(levels["plane"].unique())}
+    known = {p: zero.value for p, zero in zeros.items() if zero is not None and zero.value is not None}
+    if levels["force"].nunique() > 1 and known:
         marks: list[Mark] = []
-        for plane in sorted(levels["plane"].unique()):
+        for plane, zero in known.items():
             part = levels[levels["plane"] == plane]
-            marks.append(
-                Points(
-                    part["force"].to_numpy(), part["clearance"].to_numpy(), int(plane) - 1, f"polygon, plane {plane}"
-                )
-            )
-            zero = _value(findings, "clearance", bearing, plane=float(plane))
-            if zero is not None and zero.value is not None:
-                marks.append(Rule(y=zero.value, role=int(plane) - 1, label=f"at no force, plane {plane}"))
-                if k_p is not None and k_p.value:
-                    force = np.array([0.0, levels["force"].max()])
-                    marks.append(Line(force, zero.value + force / k_p.value, int(plane) - 1, dashed=True))
+            grown = part["clearance"].to_numpy() - zero
+            marks.append(Points(part["force"].to_numpy(), grown, plane - 1, f"polygon, plane {plane}"))
+        if k_p is not None and k_p.value:
+            force = np.array([0.0, levels["force"].max()])
+            marks.append(Line(force, force / k_p.value, "model", "compliance of a pad, F/k_p"))
         blocks.append(
             Figure(
                 f"growth_{bearing}" if bearing else "growth",
-                _title("Mean clearance against the force", bearing),
-                "Has the polygon converged? Points: polygon laid round the orbit at each force. Dashed: compliance 1/k_p of "
-                "one pad pressed by the whole force; the points lie a little below it, since the support carries a part. A "
-                "straight line through the points is no way to the clearance at no force: it comes out too small.",
-                "mean clearance over the force, one colour a plane, with the contact's compliance",
-                [Panel(marks, _FORCE, Axis("mean clearance", "m"))],
+                _title("Growth of the clearance with the force", bearing),
+                "Has the polygon converged? Points: mean clearance of the polygon laid round the orbit at each force, less that "
+                "at no force. They lie a little below the compliance of one pad pressed by the whole force, since the support "
+                "carries a part; a straight line through them would give too small a clearance at no force.",
+                "growth of the mean clearance over the force, one colour a plane, with the contact's compliance",
+                [Panel(marks, _FORCE, Axis("mean clearance less that at no force", "m"))],
             )
         )
     rows: list[list[Cell]] = [

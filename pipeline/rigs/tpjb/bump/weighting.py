@@ -14,6 +14,8 @@ from pipeline.rigs.tpjb.bump.levels import Blocks
 
 # Whitened residual of a block beyond which it is an outlier, per root of its number of axes.
 _OUTLIER = 4.0
+# Share of the scatter within blocks below which the noise of their means cannot be.
+_LEAST = 0.7
 
 
 def steady(blocks: Blocks, bearings: Mapping[int, Bearing], margin: float) -> np.ndarray:
@@ -60,10 +62,10 @@ def noises(
     k_p, k_s = (getattr(next(iter(bearings.values())), name) for name in ("k_p", "k_s"))
     if at_rest.size >= 20:
         through = force_noise / k_p
-        motion_noise = math.sqrt(max(_spread(at_rest) ** 2 - through**2, (0.1 * motion_noise) ** 2))
+        motion_noise = math.sqrt(max(_spread(at_rest) ** 2 - through**2, (_LEAST * blocks.motion_noise) ** 2))
     if sliding.size >= 20:
         through = k_s * motion_noise
-        force_noise = math.sqrt(max(_spread(sliding) ** 2 - through**2, (0.1 * force_noise) ** 2))
+        force_noise = math.sqrt(max(_spread(sliding) ** 2 - through**2, (_LEAST * blocks.force_noise) ** 2))
     return motion_noise, force_noise
 
 
