@@ -199,6 +199,7 @@ def test_an_unbalanced_weight_is_told_and_fitted_along() -> None:
 def test_friction_is_told_and_hardly_moves_the_clearance(friction: float) -> None:
     found = identified({"friction": friction})
     assert any("as with friction" in reason for reason in found.reasons)
+    assert found.one("support_stiffness").value is None
     assert mean_clearance(found) == pytest.approx(201e-6, abs=0.1e-6)  # section 6, acceptance
 
 

@@ -14,6 +14,7 @@ from pipeline.rigs.tpjb.bump.bearing_fit import BearingFit
 from pipeline.rigs.tpjb.bump.contact import centre_weights, side_normals
 from pipeline.rigs.tpjb.bump.contact_fit import ContactFit
 from pipeline.rigs.tpjb.bump.declaration import PARAMETERS
+from pipeline.rigs.tpjb.bump.faults import friction_of
 
 At = Mapping[str, float | str | bool]
 _SPECS = {spec.name: spec for spec in PARAMETERS}
@@ -227,7 +228,11 @@ def _stiffnesses(fit: BearingFit, at: At, remark: str) -> list[Estimate]:
             out.append(undetermined(name, fit.reason, at))
             continue
         value, sd = fit.contact.fit.values[inner], fit.contact.fit.std_error[inner]
-        if not np.isfinite(sd) or sd > _VAGUE * value:
+        mu = friction_of(fit, fit.contact) if inner == "k_s" else 0.0
+        if mu:
+            why = f"friction of about {mu:.3f} holds the stator along the sides; it would read {value:.4g} N/m"
+            out.append(undetermined(name, why, at))
+        elif not np.isfinite(sd) or sd > _VAGUE * value:
             why = "pads were hardly pressed" if inner == "k_p" else "the stator was hardly seen sliding along a side"
             out.append(undetermined(name, f"{why}: the data do not determine it", at))
         else:

@@ -212,11 +212,11 @@ def _contact(fit: BearingFit, contact: ContactFit, judgement: Judgement) -> None
     lost = float(contact.outliers.mean())
     if lost > 0.02:
         judgement.doubt(f"{100 * lost:.0f} % of the blocks lie far off the contact law and were left out.")
-    mu, error = friction_of(fit, contact)
-    if abs(mu) > max(_FRICTION, 5 * error):
+    mu = friction_of(fit, contact)
+    if mu:
         judgement.doubt(
             f"Along the sides the displacement lags behind the turning force as with friction of about {mu:.3f}; the support "
-            "stiffness is an apparent one, the clearance is hardly touched by it.",
+            "stiffness is not determined, the clearance is hardly touched by it.",
             "Oil the pads lightly or turn the force both ways round and compare.",
         )
     for plane, bearing in contact.bearings.items():
@@ -252,8 +252,8 @@ def _contact(fit: BearingFit, contact: ContactFit, judgement: Judgement) -> None
         )
 
 
-def friction_of(fit: BearingFit, contact: ContactFit) -> tuple[float, float]:
-    """Return the coefficient of friction that the lag along single sides means, and its standard error."""
+def friction_of(fit: BearingFit, contact: ContactFit) -> float:
+    """Return the coefficient of friction that the lag along single sides means; 0 where it is none for sure."""
     shares = []
     blocks = fit.blocks
     for plane, bearing in contact.bearings.items():
@@ -267,10 +267,10 @@ def friction_of(fit: BearingFit, contact: ContactFit) -> tuple[float, float]:
         shares.append(bearing.k_s * lag / np.maximum(press, 0.1 * min(blocks.levels)))
     share = np.concatenate(shares)
     if share.size < 10:
-        return 0.0, math.inf
-    return float(np.median(share)), 1.25 * float(1.4826 * np.median(np.abs(share - np.median(share)))) / math.sqrt(
-        share.size
-    )
+        return 0.0
+    mu = float(np.median(share))
+    error = 1.25 * 1.4826 * float(np.median(np.abs(share - mu))) / math.sqrt(share.size)
+    return mu if abs(mu) > max(_FRICTION, 5 * error) else 0.0
 
 
 def drift_of(fit: BearingFit, contact: ContactFit) -> dict[int, np.ndarray]:
