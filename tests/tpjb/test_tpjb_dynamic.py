@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dynamic_logs import NAMES, changed, conditions, found_in, logs, messages, thinned, true_value, worst_z
@@ -189,3 +191,42 @@ def test_motion_at_products_of_the_tones_is_called_nonlinear() -> None:
     assert findings.verdict == "warning"
     assert "not linear at this amplitude" in messages(findings)
     assert "not linear" not in messages(found_in(logs(1)))
+
+
+def test_without_noise_the_whole_way_from_log_to_findings_is_exact() -> None:
+    names = ("gap_noise", "force_noise", "acceleration_noise", "speed_noise", "gap_quantum", "runout", "speed_wander")
+    findings = found_in(logs(1, **dict.fromkeys(names, 0.0)))
+    assert findings.verdict == "ok", messages(findings)
+    told = [p for p in findings.parameters if "frequency" in p.at and p.name in ("kxx", "kyy", "cxx", "cyy")]
+    assert len(told) == 32
+    for p in told:
+        assert p.value == pytest.approx(true_value(p.name, float(p.at["frequency"])), rel=1e-9)
+
+
+def test_a_log_may_change_its_excitation_several_times() -> None:
+    (one,), (other,) = logs(3, sequence=True), logs(4, sequence=True)
+    first, second = one.streams["hf"], other.streams["hf"]
+    channels = {
+        name: replace(channel, values=np.r_[channel.values, second.channels[name].values])
+        for name, channel in first.channels.items()
+    }
+    long = replace(one, streams={"hf": Stream("hf", np.r_[first.time, second.time + 60.0], channels)})
+    findings = found_in([long])
+    assert findings.verdict == "ok", messages(findings)
+    assert worst_z(findings) < 2.5
+    assert "20 in-phase and 20 antiphase blocks" in messages(findings)
+
+
+def test_no_value_at_shaft_speed_is_extrapolated() -> None:
+    findings = found_in(logs(1, tones=(19.0, 23.0, 29.0, 37.0)))
+    assert findings.verdict == "warning"
+    assert "would be extrapolated" in messages(findings)
+    for name in NAMES:
+        assert findings.one(name, synchronous=True).value is None
+        assert findings.one(name, frequency=23.0).value is not None
+
+
+def test_shaft_orders_may_be_left_in() -> None:
+    findings = found_in(logs(1, runout=0.0), {"shaft_orders": 0})
+    assert findings.verdict == "ok", messages(findings)
+    assert worst_z(findings) < 2.5

@@ -50,7 +50,7 @@ class OddBlock:
     reason: str
 
 
-def odd_blocks(names: Sequence[str], residual: np.ndarray, usable: np.ndarray) -> list[OddBlock]:
+def odd_blocks(names: Sequence[str], residual: np.ndarray, size: np.ndarray, usable: np.ndarray) -> list[OddBlock]:
     """Name blocks where a channel holds far more or far less than lines and its usual noise.
 
     Parameters
@@ -59,13 +59,15 @@ def odd_blocks(names: Sequence[str], residual: np.ndarray, usable: np.ndarray) -
         The c channels.
     residual
         What the lines leave, standard deviation, shape (B, c).
+    size
+        Of the tones, shape (c,): what is left is rounding where it is a millionth of that.
     usable
         Blocks that are judged, shape (B,) bool.
     """
     found: dict[int, OddBlock] = {}
     for column, name in enumerate(names):
         level = residual[usable, column]
-        if level.size < 4 or not np.median(level) > 0:
+        if level.size < 4 or not np.median(level) > 1e-6 * size[column]:
             continue
         typical = float(np.median(level))
         spread = max(1.4826 * float(np.median(np.abs(level - typical))), 0.03 * typical)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, counted
 from pipeline.findings import Findings, Quality, Run, Verdict
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import Context
@@ -132,7 +132,8 @@ def _summary(solution: Solution) -> str:
         f"{count} {kind.replace('_', '-')}"
         for count, kind in zip(solution.pool.blocks, solution.pool.kinds, strict=True)
     )
-    degrees = {name: entry.law.degree for name, entry in solution.coefficients.items() if entry.law is not None}
+    laws = {name: entry.law for name, entry in solution.coefficients.items() if entry.law is not None}
+    degrees = {name: law.degree for name, law in laws.items() if law.dof > 0}
     constant = [name for name, degree in degrees.items() if degree == 0]
     law = ""
     if degrees:
@@ -141,7 +142,7 @@ def _summary(solution: Solution) -> str:
             if len(constant) == len(degrees)
             else (f" With frequency change {', '.join(f'{n} (degree {d})' for n, d in degrees.items() if d)}.")
         )
-    return f"{label_of(solution.pool.at)}: H at {solution.tones.size} tones from {blocks} blocks.{law}"
+    return f"{label_of(solution.pool.at)}: H at {counted(solution.tones.size, 'tone')} from {blocks} blocks.{law}"
 
 
 def _advice(solutions: Sequence[Solution]) -> list[str]:

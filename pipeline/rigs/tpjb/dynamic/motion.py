@@ -153,7 +153,7 @@ def _agreeing(record: Record, sound: list[str], ratios: dict[str, float]) -> lis
     if len(sound) < 2:
         return sound
     a, b = (record.amplitudes[name][record.usable] for name in sound)
-    apart = float(np.linalg.norm(a - b) / np.linalg.norm(a + b) * 2)
+    apart = float(abs((a.conj() * (b - a)).sum()) / np.linalg.norm(a) ** 2)  # noise of either averages out
     if apart > _PAIR:
         text = (
             f"{listing(sound)} differ by {100 * apart:.2g} % ({listing(f'{ratios[n]:.3g}' for n in sound)} times -w^2 d): "

@@ -259,6 +259,12 @@ def _fit_laws(solution: Solution, _settings: DynamicSettings) -> None:
     shaft = solution.pool.shaft
     if not shaft:
         return
+    if not solution.tones.min() <= shaft <= solution.tones.max():
+        solution.say(
+            "warning",
+            f"no tones on both sides of the shaft's {shaft:.4g} Hz (used are {solution.tones.min():g} to {solution.tones.max():g} Hz): "
+            "there are no synchronous values, they would be extrapolated.",
+        )
     r = solution.tones / shaft - 1
     rejected = []
     for entry in solution.coefficients.values():

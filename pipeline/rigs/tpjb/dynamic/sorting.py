@@ -37,7 +37,8 @@ def sort_blocks(record: Record) -> None:
         record.say(
             "warning", f"{lost.size} blocks hold too few samples; they are left out.", None, record.span_of(lost)
         )
-    odd = excitation.odd_blocks(names, residual, record.usable)
+    size = np.array([np.sqrt(np.nanmean(np.abs(record.amplitudes[name]) ** 2)) for name in names])
+    odd = excitation.odd_blocks(names, residual, size, record.usable)
     for block in odd:
         record.usable[block.block] = False
     unlike = excitation.unlike_drive(record.force, record.kinds, record.usable)

@@ -154,7 +154,7 @@ def on_shaft_orders(tones: np.ndarray, shaft: float | None, orders: int, length:
     """Return which tones, shape (k,) bool, stand within 2/length of a shaft order."""
     if not shaft:
         return np.zeros(tones.shape, dtype=bool)
-    distance = np.abs(tones[:, None] - shaft * np.arange(1, orders + 1)).min(axis=1)
+    distance = np.abs(tones[:, None] - shaft * np.arange(1, orders + 1)).min(axis=1, initial=np.inf)
     return np.asarray(distance < (2 - 1e-9) / length)
 
 
