@@ -9,7 +9,7 @@ from importlib import import_module
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-NAMES = ("startup", "mcap_ingest", "csv_ingest", "repro", "shear_fit", "tpjb_dynamic", "tpjb_bias")
+NAMES = ("startup", "mcap_ingest", "csv_ingest", "repro", "shear_fit", "tpjb_dynamic", "tpjb_bias", "tpjb_rotating")
 
 
 def main() -> None:
