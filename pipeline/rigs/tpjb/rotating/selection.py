@@ -22,6 +22,8 @@ RELEVANT = 0.01
 _AT_NOISE = 1.2
 # Above this reduced chi-square no quadratic law holds.
 PASSES = 2.0
+# A difference of BIC that is "very strong" (Kass and Raftery 1995).
+_DECISIVE = 10.0
 # M5 is not to be shown where M6 is better by more than this: its terms run away on mixed-term data.
 _HIDDEN = 10.0
 
@@ -121,7 +123,8 @@ def compare(fits: Sequence[ModelFit], failed: dict[str, str] | None = None) -> C
         for fit in fits
         if fit is best
         or (
-            (fit.model.is_linear or best.model.holds(fit.model))
+            # Between quadratic laws a term that the data ask for biases the others where it is left out.
+            (fit.model.is_linear or (best.model.holds(fit.model) and bic[fit.name] - bic[best.name] < _DECISIVE))
             and effects[fit.name] < RELEVANT
             and fit.chi2_reduced < limit
         )
