@@ -318,6 +318,19 @@ def test_two_bearings_of_a_campaign_are_told_apart() -> None:
     assert len(found.find("contact_stiffness")) == 2
 
 
+def test_a_pause_of_the_force_is_no_stuck_sensor() -> None:
+    def paused(recording: Recording) -> Recording:
+        force = {}
+        for name in ("force_u", "force_v"):
+            force[name] = np.round(recording.values(name) / 50.0) * 50.0
+            force[name][:1500] = 0.0
+        return with_channels(recording, **force)
+
+    found = identified(change=paused)
+    assert found.verdict == "ok"
+    assert found.one("center_x", plane=1.0).value == pytest.approx(12e-6, abs=0.01e-6)
+
+
 def test_tilt_beyond_the_limit_is_a_warning() -> None:
     found = identified(alignment_limit=20e-6)
     assert found.verdict == "warning"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.rigs.tpjb.axes import pad_directions
-from pipeline.rigs.tpjb.bump.contact import centred, corners, side_normals
+from pipeline.rigs.tpjb.bump.contact import centred, side_normals
 
 _QUANTILE = 0.999
 _GRID = 181
@@ -62,11 +62,6 @@ class Polygon:
     def clearances(self) -> np.ndarray:
         """Normalised distances c_i, shape (N,), m."""
         return centred(self.sides, self.normals)[1]
-
-    @property
-    def is_closed(self) -> bool:
-        """Tell whether the sides bound an area."""
-        return corners(self.sides, self.normals).size > 0
 
 
 def fit_polygon(displacement: np.ndarray, pad_angles: np.ndarray, near: float = 0.5e-6) -> Polygon:

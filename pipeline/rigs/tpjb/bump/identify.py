@@ -33,8 +33,8 @@ def identify(recordings: Sequence[Recording], settings: BumpSettings, context: C
     for recording in recordings:
         try:
             record = record_of(recording)
-        except UnusableError as error:
-            left_out[recording.run] = str(error)
+        except (UnusableError, InputError) as error:
+            left_out[recording.run] = str(error).rstrip(".")
             continue
         records.setdefault(str(recording.conditions.get("bearing", "")), []).append(record)
     fits: dict[str, BearingFit] = {}

@@ -63,8 +63,10 @@ def record_of(recording: Recording) -> Record:
     _refuse_unsteady(rotation)
     # A turning force never stands still for longer than a fiftieth of a turn.
     least = max(20, round(0.02 / abs(rotation.frequency) / float(np.median(np.diff(time)))))
-    for name, values in zip(("force_u", "force_v"), force, strict=True):
+    for name, values, other in (("force_u", *force), ("force_v", *force[::-1])):
         still = held_still(values, least)
+        for start, stop in spans_of(still, join=0):  # where both stand still the force only pauses
+            still[start:stop] = np.ptp(other[start:stop]) > 0.1 * rotation.largest
         if still.any():
             findings += _spans(still, time, name, run, f"stands still at {values[still][0]:.4g} N: clipped or stuck")
             lost |= still
