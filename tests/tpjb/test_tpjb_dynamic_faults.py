@@ -169,3 +169,16 @@ def test_runs_of_another_test_and_runs_too_short_are_left_out_by_name() -> None:
     assert worst_z(findings) < 2.5
     with pytest.raises(InputError, match="Log longer"):
         found_in([short])
+
+
+def test_check_says_of_one_log_what_would_keep_it_out() -> None:
+    from pipeline.rigs.tpjb.dynamic.declaration import DYNAMIC
+
+    good = logs(1)[0]
+    assert DYNAMIC.check(good) == []
+    said = " ".join(q.message for q in DYNAMIC.check(logs(1, duration=2.0)[0]))
+    assert "Log longer" in said
+    said = " ".join(q.message for q in DYNAMIC.check(without(good, *(g for g in GAP if g[4] == "v"), *ACC)))
+    assert "no sound probe along v" in said
+    assert "no accelerometer along u" in said
+    assert "no list of numbers" in DYNAMIC.check(conditions(good, excitation_tones="many"))[0].message

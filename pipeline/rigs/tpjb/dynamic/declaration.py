@@ -89,5 +89,6 @@ DYNAMIC = Experiment(
     synthesize=Later("pipeline.rigs.tpjb.dynamic.synthetic:synthesize"),
     sections=Later("pipeline.rigs.tpjb.dynamic.sections:sections"),
     methods=Later("pipeline.rigs.tpjb.dynamic.methods:methods"),
+    check=Later("pipeline.rigs.tpjb.dynamic.check:check"),
     operating=OPERATING,
 )

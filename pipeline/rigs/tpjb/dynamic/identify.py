@@ -14,7 +14,7 @@ from pipeline.rigs.tpjb.conditions import run_groups
 from pipeline.rigs.tpjb.dynamic.declaration import DynamicSettings
 from pipeline.rigs.tpjb.dynamic.inertia import inertia_of
 from pipeline.rigs.tpjb.dynamic.nonlinearity import Products, second_order, slip
-from pipeline.rigs.tpjb.dynamic.outcome import arrays_of, label_of, models_of, parameters_of, published_of
+from pipeline.rigs.tpjb.dynamic.outcome import arrays_of, models_of, parameters_of, published_of
 from pipeline.rigs.tpjb.dynamic.pooling import Pool, noticed, pool
 from pipeline.rigs.tpjb.dynamic.solution import Solution, sentence, solve
 
@@ -88,7 +88,7 @@ def _judge_products(solution: Solution, lines: Sequence[Products], settings: Dyn
         if line.share > settings.nonlinear_share and line.share > 3 * line.share_error:
             solution.say(
                 "warning",
-                f"{label_of(solution.pool.at)}, {line.kind.replace('_', '-')}: sums and differences of the tones hold "
+                f"{line.kind.replace('_', '-')}: sums and differences of the tones hold "
                 f"{100 * line.share:.2g} ± {200 * line.share_error:.1g} % of the motion at the tones; the bearing is not linear at "
                 "this amplitude. Excite less.",
             )
@@ -113,7 +113,7 @@ def _verdict(solutions: Sequence[Solution], quality: Sequence[QualityFinding]) -
     told = [solution for solution in solutions if not solution.fatal]
     for solution in solutions:
         if solution.fatal:
-            reasons.append(f"{label_of(solution.pool.at)}: no coefficient is given: {sentence(solution.fatal)}")
+            reasons.append(f"{solution.pool.label}: no coefficient is given: {sentence(solution.fatal)}")
         else:
             reasons.append(_summary(solution))
     if not told:
@@ -142,7 +142,7 @@ def _summary(solution: Solution) -> str:
             if len(constant) == len(degrees)
             else (f" With frequency change {', '.join(f'{n} (degree {d})' for n, d in degrees.items() if d)}.")
         )
-    return f"{label_of(solution.pool.at)}: H at {counted(solution.tones.size, 'tone')} from {blocks} blocks.{law}"
+    return f"{solution.pool.label}: H at {counted(solution.tones.size, 'tone')} from {blocks} blocks.{law}"
 
 
 def _advice(solutions: Sequence[Solution]) -> list[str]:

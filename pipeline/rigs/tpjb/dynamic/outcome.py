@@ -24,16 +24,6 @@ _CURVE = 80
 _SPEC = {spec.name: spec for spec in PARAMETERS}
 
 
-def label_of(at: dict[str, float | str | bool]) -> str:
-    """Return an operating point for people: ``40 kN, 104.7 rad/s``."""
-    parts = [str(at["bearing"])] if "bearing" in at else []
-    if "static_load" in at:
-        parts.append(f"{float(at['static_load']) / 1e3:g} kN")
-    if "shaft_speed" in at:
-        parts.append(f"{float(at['shaft_speed']):g} rad/s")
-    return ", ".join(parts) or "all runs"
-
-
 def parameters_of(solution: Solution) -> list[Parameter]:
     """Return the coefficients at each tone and at shaft speed, null with the reason where they are not told."""
     at = solution.pool.at
@@ -164,7 +154,7 @@ def _model(solution: Solution, entry: Coefficient, law: Law) -> ModelResult:
     left = entry.value - law.at(r)[0]
     candidate = Candidate("", law.chi2, r.size, law.degree + 1, sigma_known=True)
     return ModelResult(
-        name=f"{entry.name}, degree {law.degree}, {label_of(solution.pool.at)}",
+        name=f"{entry.name}, degree {law.degree}, {solution.pool.label}",
         selected=law is entry.law,
         n_parameters=law.degree + 1,
         n_data=r.size,
@@ -188,10 +178,9 @@ def published_of(solutions: Sequence[Solution]) -> list[Published]:
             change = float(np.ptp(values) / abs(np.mean(values)))
             rows.append(
                 Published(
-                    name=f"change of {name} with frequency, {label_of(solution.pool.at)}",
+                    name=f"change of {name} with frequency, {solution.pool.label}",
                     published="nearly independent",
                     found=change,
-                    unit="%",
                     where="section 2",
                     agrees=change < 0.1,
                     remark=f"between {solution.tones.min():g} and {solution.tones.max():g} Hz, law of degree {entry.law.degree}",
@@ -207,7 +196,7 @@ def arrays_of(solutions: Sequence[Solution], products: Sequence[Sequence[Product
         for name in ("coefficients", "laws", "synchronous", "tones", "blocks", "products", "shares", "added_mass")
     }
     for solution, lines in zip(solutions, products, strict=True):
-        here = {"point": label_of(solution.pool.at), "shaft": solution.pool.shaft or np.nan}
+        here = {"point": solution.pool.label, "shaft": solution.pool.shaft or np.nan}
         _coefficient_rows(solution, here, tables)
         _tone_rows(solution, here, tables)
         for line in lines:

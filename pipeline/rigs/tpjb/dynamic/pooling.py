@@ -53,6 +53,16 @@ class Pool:
     missing: str = ""
 
     @property
+    def label(self) -> str:
+        """The operating point for people: ``40 kN, 104.7 rad/s``."""
+        parts = [str(self.at["bearing"])] if "bearing" in self.at else []
+        if "static_load" in self.at:
+            parts.append(f"{float(self.at['static_load']) / 1e3:g} kN")
+        if "shaft_speed" in self.at:
+            parts.append(f"{float(self.at['shaft_speed']):g} rad/s")
+        return ", ".join(parts) or "all runs"
+
+    @property
     def blocks(self) -> tuple[int, ...]:
         """How many blocks each excitation has."""
         return tuple(blocks.shape[0] for blocks in self.force)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pipeline.errors import InputError, listing
-from pipeline.recording import QualityFinding, Recording
+from pipeline.recording import Level, QualityFinding, Recording
 from pipeline.rigs.tpjb.axes import FROM_UV
 from pipeline.rigs.tpjb.conditions import shaft_speed_of
 from pipeline.rigs.tpjb.dynamic import excitation, tones
@@ -58,10 +58,10 @@ class Record:
     quality: list[QualityFinding] = field(default_factory=list)
 
     def say(
-        self, level: str, message: str, channel: str | None = None, span: tuple[float, float] | None = None
+        self, level: Level, message: str, channel: str | None = None, span: tuple[float, float] | None = None
     ) -> None:
         """Note something about this run."""
-        self.quality.append(QualityFinding(level, message, self.run, channel, span))  # type: ignore[arg-type]
+        self.quality.append(QualityFinding(level, message, self.run, channel, span))
 
     def span_of(self, blocks: Sequence[int] | np.ndarray) -> tuple[float, float]:
         """Return the time from the first to the last of `blocks`, s."""

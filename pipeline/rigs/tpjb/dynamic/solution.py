@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from pipeline.errors import listing
-from pipeline.recording import QualityFinding
+from pipeline.recording import Level, QualityFinding
 from pipeline.rigs.tpjb.dynamic import impedance, laws
 from pipeline.rigs.tpjb.dynamic.declaration import DynamicSettings
 from pipeline.rigs.tpjb.dynamic.inertia import Inertia
@@ -67,10 +67,12 @@ class Solution:
     untaken: laws.Imitation | None = None
     quality: list[QualityFinding] = field(default_factory=list)
 
-    def say(self, level: str, message: str, channel: str | None = None) -> None:
+    def say(self, level: Level, message: str, channel: str | None = None) -> None:
         """Note something about this operating point."""
         runs = [r.run for r in self.pool.members]
-        self.quality.append(QualityFinding(level, message, runs[0] if len(runs) == 1 else None, channel))  # type: ignore[arg-type]
+        if len(runs) > 1:
+            message = f"{self.pool.label}: {message}"
+        self.quality.append(QualityFinding(level, message, runs[0] if len(runs) == 1 else None, channel))
 
     @property
     def w(self) -> np.ndarray:
