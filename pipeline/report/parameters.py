@@ -119,7 +119,8 @@ def _narrow_enough(parameters: Sequence[Parameter]) -> list[list[Parameter]]:
 
 def common_unit(parameters: Sequence[Parameter]) -> ReadingUnit:
     """Return the unit in which parameters of one name read best together."""
-    return reading_unit(parameters[0].unit, typical(size_of(p.value, p.std_error, p.ci95) for p in parameters))
+    sizes = typical(size_of(p.value, p.std_error, p.ci95) for p in parameters)
+    return reading_unit(parameters[0].unit, sizes, typical(p.std_error for p in parameters))
 
 
 def _reading(parameter: Parameter, unit: ReadingUnit) -> Reading | None:

@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.report.words import clean
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_FINEST, _LONGEST = 1e-5, 1e4  # of a shown number: error in the unit, and size in the smaller unit
 _PREFIXES = (("n", 1e-9), ("µ", 1e-6), ("m", 1e-3), ("", 1.0), ("k", 1e3), ("M", 1e6), ("G", 1e9), ("T", 1e12))
 _PREFIXABLE = {"N", "Pa", "J", "W", "V", "A", "T", "C", "F", "H", "Wb", "Hz", "m", "s", "ohm"}
 
@@ -88,7 +89,7 @@ def _ladder(si_unit: str) -> tuple[tuple[str, float, float], ...]:
     return ((spelt(si_unit), 1.0, 1e-2),)
 
 
-def reading_unit(si_unit: str, magnitude: float) -> ReadingUnit:
+def reading_unit(si_unit: str, magnitude: float, resolution: float = 0.0) -> ReadingUnit:
     """Choose the unit in which numbers of about `magnitude` (SI) read best.
 
     Parameters
@@ -98,13 +99,17 @@ def reading_unit(si_unit: str, magnitude: float) -> ReadingUnit:
         an absolute temperature in K that is read in degrees Celsius.
     magnitude
         Typical size; zero or not finite gives the plain SI unit.
+    resolution
+        Typical standard error: where it would need more than five places, the next smaller unit is taken.
 
     Examples
     --------
-    >>> reading_unit("N/m", 2.6e5)
-    ReadingUnit(name='kN/m', size=1000.0)
+    >>> reading_unit("N/m", 2.6e5).name
+    'kN/m'
     >>> reading_unit("s", 60e-6).name
     'µs'
+    >>> reading_unit("m", 2e-4).name, reading_unit("m", 2e-4, resolution=9e-10).name
+    ('mm', 'µm')
     """
     if si_unit == "%":
         return PERCENT
@@ -114,6 +119,8 @@ def reading_unit(si_unit: str, magnitude: float) -> ReadingUnit:
         return ReadingUnit("" if si_unit == "1" else spelt(si_unit))
     ladder = _ladder(si_unit)
     fitting = [(name, size) for name, size, start in ladder if magnitude >= start * (1 - 1e-9)]
+    while len(fitting) > 1 and 0 < resolution < _FINEST * fitting[-1][1] and magnitude < _LONGEST * fitting[-2][1]:
+        fitting.pop()
     name, size = fitting[-1] if fitting else ladder[0][:2]
     if 1e-3 * (1 - 1e-9) <= magnitude / size < 1e6:
         return ReadingUnit(name, size)

@@ -96,7 +96,8 @@ def column_unit(column: Column, cells: Sequence[Cell]) -> ReadingUnit:
             magnitudes.append(size_of(cell.value, cell.std_error, cell.ci95))
         elif isinstance(cell, int | float) and not isinstance(cell, bool):
             magnitudes.append(float(cell))
-    return reading_unit(column.unit or "1", typical(magnitudes))
+    errors = typical(cell.std_error for cell in cells if isinstance(cell, Value))
+    return reading_unit(column.unit or "1", typical(magnitudes), errors)
 
 
 def _column(column: Column, cells: Sequence[Cell]) -> tuple[Head, list[Shown]]:
