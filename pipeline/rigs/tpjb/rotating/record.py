@@ -17,7 +17,7 @@ from pipeline.recording import Condition, QualityFinding, Recording
 from pipeline.rigs.tpjb.axes import FROM_UV, xy
 from pipeline.rigs.tpjb.conditions import shaft_speed_of, static_load_of
 from pipeline.rigs.tpjb.probe_faults import covariance_of, probe_faults
-from pipeline.rigs.tpjb.probes import GAPS, Probes, describe, probes_of
+from pipeline.rigs.tpjb.probes import GAPS, Probes, probes_of
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.orbit import Orbit, Rotation, rotation
 from pipeline.rigs.tpjb.rotating.sampling import Sampled, sampled
@@ -51,8 +51,6 @@ class Record:
         Samples that one value averages; 1 for a log taken as it is.
     gaps
         Mean of each gap channel in use, m.
-    probes
-        The probes in words.
     notched
         Amplitude of the shaft's line that was taken out of the displacement, m; None where none was.
     findings
@@ -67,7 +65,6 @@ class Record:
     speed: float | None
     averaged: int
     gaps: dict[str, float]
-    probes: str
     conditions: dict[str, Condition]
     notched: float | None = None
     findings: tuple[QualityFinding, ...] = ()
@@ -135,7 +132,6 @@ def record_of(recording: Recording, settings: RotatingSettings) -> Record:
         speed=speed,
         averaged=table.averaged,
         gaps=dict(zip(probes.names, gap_values.mean(axis=1).tolist(), strict=True)),
-        probes=describe(probes),
         conditions=dict(recording.conditions),
         notched=notched,
         findings=tuple(findings),
