@@ -14,11 +14,10 @@ import numpy as np
 from pipeline.errors import InputError, listing
 from pipeline.recording import Level, QualityFinding, Recording
 from pipeline.rigs.tpjb.axes import FROM_UV
-from pipeline.rigs.tpjb.conditions import shaft_speed_of
 from pipeline.rigs.tpjb.dynamic import excitation, tones
 from pipeline.rigs.tpjb.dynamic.blocks import BlockFits, Lines, fit_blocks
-from pipeline.rigs.tpjb.dynamic.shaft import ShaftPhase, followed
 from pipeline.rigs.tpjb.dynamic.tones import BlockLength
+from pipeline.rigs.tpjb.dynamic.turning import follow, shaft_of
 
 FORCES = ("force_u", "force_v")
 # Phase that a tone may gain within a block before it is taken for another frequency, turns.
@@ -102,17 +101,17 @@ def read_amplitudes(recording: Recording, channels: Sequence[str], orders: int, 
 def _amplitudes(recording: Recording, names: list[str], orders: int, still: bool) -> Record:
     noticed: list[QualityFinding] = []
     begin, end, worst = _span(recording, names)
-    shaft, measured = (None, True) if still else _shaft(recording, noticed)
+    shaft, measured = (None, True) if still else shaft_of(recording, noticed)
     turning = shaft.frequency((begin + end) / 2, max((end - begin) / 2, 1e-3)) if shaft else None
     commanded = _tones(recording, noticed)
     kept, dropped, block = _kept_tones(recording.run, commanded, turning, orders, end - begin + worst)
     known = still or turning is not None or measured
     others = tones.second_order_products(kept, turning, orders, block.length) if known else np.zeros(0)
     lines = Lines(kept, shaft, orders, others)
-    fits, names = _fitted(recording, names, lines, begin, block, noticed)
+    fits, names, said = _fitted(recording, names, lines, begin, block)
     again = False
     if shaft is not None and not measured and orders:
-        lines = replace(lines, shaft=_followed(recording, names, replace(lines, others=np.zeros(0)), begin, block))
+        lines = replace(lines, shaft=follow(recording, names, replace(lines, others=np.zeros(0)), begin, block))
         turning = lines.shaft.frequency((begin + end) / 2, end - begin) if lines.shaft else turning
         again = True
     force = np.stack([_of(fits, name, "tones") for name in FORCES], axis=2)
@@ -129,8 +128,7 @@ def _amplitudes(recording: Recording, names: list[str], orders: int, still: bool
         )
         lines, again = replace(lines, tones=refined), True
     if again:
-        noticed = [finding for finding in noticed if "is no number" not in finding.message]
-        fits, names = _fitted(recording, names, lines, begin, block, noticed)
+        fits, names, said = _fitted(recording, names, lines, begin, block)
     return Record(
         recording.run,
         lines.tones,
@@ -142,7 +140,7 @@ def _amplitudes(recording: Recording, names: list[str], orders: int, still: bool
         {name: _of(fits, name, "others") for name in names},
         {name: _of(fits, name, "residual") for name in names},
         dropped=dropped,
-        quality=noticed,
+        quality=[*noticed, *said],
     )
 
 
@@ -154,68 +152,6 @@ def _span(recording: Recording, names: Sequence[str]) -> tuple[float, float, flo
     if not end > begin:
         raise InputError(f"run '{recording.run}': forces, gaps and accelerations have no time in common.")
     return begin, end, step
-
-
-def _shaft(recording: Recording, noticed: list[QualityFinding]) -> tuple[ShaftPhase | None, bool]:
-    """Return the shaft's angle and whether it was measured; None where it stands or nothing is known."""
-    nominal = recording.conditions.get("shaft_speed_nominal")
-    known = float(nominal) if isinstance(nominal, float | int) and not isinstance(nominal, bool) else None
-    if "speed" in recording:
-        phase = ShaftPhase.of(recording.stream_of("speed"))
-        if phase is not None:
-            span = float(phase.time[-1] - phase.time[0])
-            found = 2 * np.pi * phase.frequency(float(phase.time[0] + span / 2), span)
-            if known and abs(found / known - 1) > 0.02:
-                noticed.append(
-                    QualityFinding(
-                        "warning",
-                        f"the shaft turned at {abs(found):.5g} rad/s, {known:.5g} rad/s was set; the measured speed is used.",
-                        recording.run,
-                        "speed",
-                    )
-                )
-            return (phase if abs(found) > 0.5 else None), True
-    speed = shaft_speed_of(recording)
-    if speed is None:
-        noticed.append(
-            QualityFinding(
-                "warning",
-                "neither 'speed' nor 'shaft_speed_nominal' is given: shaft orders stay in, and there is no synchronous "
-                "value. Give the shaft speed.",
-                recording.run,
-            )
-        )
-        return None, False
-    if abs(speed) < 0.5:
-        return None, True
-    noticed.append(
-        QualityFinding(
-            "note",
-            "no 'speed' channel: the angle of the shaft is followed by the phase of its own line in the gaps.",
-            recording.run,
-        )
-    )
-    return ShaftPhase.steady(abs(speed) / (2 * np.pi)), False
-
-
-def _followed(
-    recording: Recording, names: Sequence[str], lines: Lines, begin: float, block: BlockLength
-) -> ShaftPhase | None:
-    """Follow the shaft by its line in the gaps, first in blocks as short as part the lines, twice."""
-    gaps = [name for name in names if name.startswith("gap")]
-    if not gaps or lines.shaft is None:
-        return lines.shaft
-    stream = recording.stream_of(gaps[0])
-    members = [name for name in gaps if name in stream.channels]
-    middle = begin + block.length * block.blocks / 2
-    shortest = tones.shortest_block(lines.tones, lines.shaft.frequency(middle), lines.orders)
-    length = min(block.length, shortest)
-    for _ in range(3):
-        fit = fit_blocks(stream, members, lines, begin, length, int(block.length * block.blocks / length))
-        lines = replace(
-            lines, shaft=followed(fit.start, length, fit.shaft[:, 0], lines.shaft or ShaftPhase.steady(1.0))
-        )
-    return lines.shaft
 
 
 def _tones(recording: Recording, noticed: list[QualityFinding]) -> np.ndarray:
@@ -264,9 +200,9 @@ def _fitted(
     lines: Lines,
     begin: float,
     block: BlockLength,
-    noticed: list[QualityFinding],
-) -> tuple[list[BlockFits], list[str]]:
-    """Fit each stream; channels that are mostly no number are left out and said."""
+) -> tuple[list[BlockFits], list[str], list[QualityFinding]]:
+    """Fit each stream; channels that are mostly no number are left out, which the third part says."""
+    said: list[QualityFinding] = []
     by_stream: dict[str, list[str]] = {}
     for name in names:
         by_stream.setdefault(recording.stream_of(name).name, []).append(name)
@@ -282,7 +218,7 @@ def _fitted(
         if empty:
             for name in empty:
                 text = f"{name} is no number for more than a fifth of the log; it is left out."
-                noticed.append(QualityFinding("warning", text, recording.run, name))
+                said.append(QualityFinding("warning", text, recording.run, name))
             members = [name for name in members if name not in empty]
             names = [name for name in names if name not in empty]
             if not members:
@@ -291,9 +227,9 @@ def _fitted(
         for name, count in zip(members, fit.invalid, strict=True):
             if count:
                 text = f"{name} is no number in {count} samples; these rows do not count."
-                noticed.append(QualityFinding("note", text, recording.run, name))
+                said.append(QualityFinding("note", text, recording.run, name))
         fits.append(fit)
-    return fits, names
+    return fits, names, said
 
 
 def _of(fits: Sequence[BlockFits], name: str, what: str) -> np.ndarray:
