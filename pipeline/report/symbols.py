@@ -129,7 +129,7 @@ def symbol_html(latex: str) -> Markup:
     --------
     >>> str(symbol_html("k_{MR}"))
     '<var>k</var><sub>MR</sub>'
-    >>> str(symbol_html(r"\\alpha"))
+    >>> str(symbol_html(r"\alpha"))
     '<var>α</var>'
     """
     latex = clean(latex)
