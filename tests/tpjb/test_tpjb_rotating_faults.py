@@ -1,0 +1,244 @@
+"""Faults of rotating-load logs: each is noticed, named and dealt with; what users drop goes through."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rotating_logs import GAPS, changed, coefficients, found, logs, said, without
+
+from pipeline.errors import InputError
+from pipeline.recording import Channel, Stream
+from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
+from pipeline.rigs.tpjb.rotating.faults import check
+from pipeline.rigs.tpjb.rotating.orientation import orientation_of, rough_stiffness, unit_findings
+from pipeline.rigs.tpjb.rotating.record import record_of
+
+K = coefficients("4pad-L2")["kxx"]
+
+
+@pytest.fixture(scope="module")
+def a6():
+    return logs("A6")[0]
+
+
+def recorded(log):
+    return record_of(log, RotatingSettings())
+
+
+def turned_over(gap):
+    return 2e-3 - gap
+
+
+def test_swapped_probes_are_named_and_mended():
+    findings = found(logs("B3", swap_uv=True))
+    true = coefficients("5pad-L3")
+    assert said(findings, "probe u/v swapped?")
+    assert findings.verdict == "warning"
+    for name in ("kxx", "kyy", "kxy", "kxxy"):
+        p = findings.one(name)
+        assert abs(p.value - true[name]) < 3.3 * p.std_error
+
+
+@pytest.mark.parametrize(
+    ("axes", "text"), [("uv", "moves? against the force"), ("u", "along u"), ("v", "along v")], ids=["both", "u", "v"]
+)
+def test_inverted_axes_are_named_and_mended(a6, axes, text):
+    log = changed(a6, **{gap: turned_over for gap in GAPS if gap[4] in axes})
+    mend = orientation_of(recorded(log))
+    assert text.split("?")[-1].strip() in mend.findings[0].message
+    assert rough_stiffness(recorded(log).mapped(mend.mend))[0, 0] == pytest.approx(K, rel=0.02)
+
+
+def test_right_axes_are_left_alone(a6):
+    assert orientation_of(recorded(a6)).mend is None
+    assert unit_findings(recorded(a6)) == []
+    assert check(a6) == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [(turned_over, "its sign is inverted"), (lambda gap: 0 * gap + 1e-3, "dead or not connected")],
+    ids=["inverted", "dead"],
+)
+def test_a_faulty_probe_is_named_and_its_opposite_stands_in(a6, change, text):
+    findings = found([changed(a6, gap_up1=change)])
+    assert said(findings, text)
+    assert findings.one("kxx").value == pytest.approx(K, rel=1.5e-3)
+
+
+def test_one_plane_and_single_probes_are_enough(a6):
+    for kept in ("p1 m1", "p1"):
+        log = changed(a6, **{gap: None for gap in GAPS if gap[5:] not in kept.split()})
+        assert found([log]).one("kyy").value == pytest.approx(K, rel=3e-3)
+
+
+def test_units_that_cannot_be_are_refused_with_the_likely_slip(a6):
+    mils = found([changed(a6, **{gap: lambda x: x / 25.4 for gap in GAPS})])
+    assert mils.verdict == "rejected"
+    assert said(mils, "mil taken as um")
+    assert all(p.value is None for p in mils.find("kxx"))
+    kilonewtons = changed(a6, force_u=lambda f: f / 1e3, force_v=lambda f: f / 1e3)
+    beside = found([kilonewtons, *logs("A7")])
+    assert said(beside, "kN taken as N")
+    assert [run.used for run in beside.runs] == [False, True]
+    assert beside.one("kxx").value == pytest.approx(K, rel=5e-3)
+
+
+def test_late_forces_are_found_and_shifted():
+    findings = found(logs("A4", delay=1.0))
+    assert said(findings, "clock slip or delay")
+    true = coefficients("4pad-L1")
+    assert findings.one("kxx").value == pytest.approx(true["kxx"], rel=1e-3)
+    # Left in, 1 s at 0.01 Hz turns 6 % of k into cross coupling.
+    assert abs(findings.one("kxy").value - true["kxy"]) < 0.003 * true["kxx"]
+
+
+def test_friction_is_found_and_taken_off():
+    findings = found(logs("A4", friction=400.0))
+    assert said(findings, "friction of stabilisers")
+    assert findings.one("kyy").value == pytest.approx(0.6e9, rel=1e-3)
+    assert abs(findings.one("kyx").value - 0.03e9) < 0.004 * 0.6e9
+
+
+def test_clean_logs_have_neither_delay_nor_friction():
+    findings = found(logs("A4", seed=7))
+    assert not said(findings, "delay")
+    assert not said(findings, "friction")
+    assert findings.verdict == "ok"
+
+
+def test_stuck_clipped_wild_and_missing_samples_are_left_out(a6):
+    rows = np.arange(700)
+    faults = {
+        "stuck": lambda x: np.where((rows > 200) & (rows < 260), x[200], x),
+        "clipped": lambda x: np.minimum(x, np.quantile(x, 0.9)),
+        "left out: gap_up1 (7 samples)": lambda x: x + 1e-4 * (rows % 97 == 50),
+        "": lambda x: np.where((rows > 300) & (rows < 330), np.nan, x),
+    }
+    for text, change in faults.items():
+        findings = found([changed(a6, gap_up1=change)])
+        assert any(text in q.message for q in findings.quality)
+        assert findings.one("kxx").value == pytest.approx(K, rel=1.5e-3)
+        assert findings.one("thd").value == pytest.approx(0.0598, abs=0.002)
+
+
+def test_a_load_that_is_not_circular_is_said(a6):
+    # Told from the forces alone; the fit uses them as they are.
+    log = changed(a6, force_v=lambda f: 0.85 * f)
+    assert any("not circular" in q.message for q in check(log))
+
+
+def test_few_turns_have_no_harmonics_but_a_law():
+    findings = found(logs("A4", turns=2.0))
+    thd = findings.one("thd")
+    assert thd.value is None
+    assert "2.0 turns" in thd.description
+    assert findings.one("orbit_harmonic_x", order=1.0).value is None
+    assert findings.one("kxx").value == pytest.approx(0.6e9, rel=1e-3)
+
+
+def test_the_folded_shaft_line_of_samples_that_are_no_means_is_taken_out():
+    findings = found(logs("A6", runout=4e-6 / 0.01654))
+    assert said(findings, "samples, and not means?")
+    kyy = findings.one("kyy")
+    assert abs(kyy.value - K) < 3.3 * kyy.std_error
+
+
+def test_wrong_states_are_warned_of(a6):
+    assert said(found([changed(a6, speed=lambda w: 1.1 * w)]), "off the 1000 rpm of the label")
+    assert said(found([changed(a6, force_static=lambda f: 0.9 * f)]), "force_static is 72000 N")
+
+
+def test_logs_at_50_hz_are_averaged():
+    (log,) = logs("A4", rate=50.0)
+    record = recorded(log)
+    assert record.averaged == 50
+    assert 650 < record.orbit.time.size <= 700
+    assert found([log]).one("kyy").value == pytest.approx(0.6e9, rel=5e-4)
+
+
+def test_clockwise_and_faster_loads_give_the_same_law():
+    for frequency in (-0.01, 0.04):
+        findings = found(logs("B3", rotation_frequency=frequency))
+        assert findings.one("kyy").value == pytest.approx(0.95e9, rel=1.5e-3)
+
+
+def test_static_load_may_be_a_channel_or_missing(a6):
+    measured = found([without(a6, "static_load")])
+    assert measured.one("linear_limit", static_load=80000.0).value == pytest.approx(0.143, abs=0.003)
+    unknown = found([without(changed(a6, force_static=None), "static_load", "load_ratio")])
+    assert unknown.verdict == "warning"
+    assert unknown.one("kxx").value == pytest.approx(K, rel=1e-3)
+    assert "static load is not known" in unknown.one("linear_limit").description
+
+
+def test_speed_may_be_missing(a6):
+    findings = found([without(changed(a6, speed=None), "shaft_speed_nominal")])
+    assert findings.one("kxx").at == {"static_load": 80000.0}
+    assert any("shaft speed is not given" in q.message for q in findings.quality)
+
+
+def test_noise_widens_the_intervals_and_no_noise_breaks_nothing():
+    quiet = found(logs("A4", probe_noise=0.0, force_noise=0.0, force_unrest=0.0, drift=0.0, runout=0.0))
+    assert quiet.one("kxx2").value == pytest.approx(1.0e12, rel=1e-3)
+    noisy = found(logs("A4", probe_noise=2e-6))
+    kxx = noisy.one("kxx")
+    assert kxx.std_error > 1e6
+    assert abs(kxx.value - 0.6e9) < 3.3 * kxx.std_error
+
+
+def test_forces_and_gaps_may_have_clocks_of_their_own(a6):
+    stream = a6.streams["lf"]
+    later = stream.time + 0.37
+    forces = {
+        name: Channel(name, np.interp(later, stream.time, channel.values), channel.unit)
+        for name, channel in stream.channels.items()
+        if name.startswith("force")
+    }
+    others = {name: channel for name, channel in stream.channels.items() if name not in forces}
+    two = {"gaps": Stream("gaps", stream.time, others), "forces": Stream("forces", later, forces)}
+    assert found([replace(a6, streams=two)]).one("kyy").value == pytest.approx(K, rel=1.5e-3)
+
+
+@pytest.mark.parametrize(
+    ("log", "text"),
+    [
+        (lambda log: changed(log, force_v=lambda f: 0 * f + np.resize([3.0, -3.0], f.size)), "is actuator v off"),
+        (lambda log: changed(log, **dict.fromkeys(GAPS)), "no sound probe along u"),
+        (lambda log: without(log, test="bump"), "labelled as test 'bump'"),
+        (lambda log: changed(log, force_u=lambda f: 0 * f, force_v=lambda f: 0 * f), "force is zero throughout"),
+    ],
+    ids=["actuator off", "no gaps", "other test", "no force"],
+)
+def test_what_cannot_be_used_is_refused_in_plain_words(a6, log, text):
+    with pytest.raises(InputError, match=r"no run can be used.*run 'A6_L2_17'") as told:
+        found([log(a6)])
+    assert text in str(told.value)
+    assert not str(told.value).endswith("..")
+
+
+def test_a_log_with_names_and_units_of_its_own_goes_through_a_recipe(a6, tmp_path, rigfit):
+    stream = a6.streams["lf"]
+    columns = [("t [s]", stream.time)]
+    columns += [(f"G{name[4:]} [um]", stream.channels[name].values * 1e6) for name in GAPS]
+    columns += [(f"F{axis} [kN]", stream.channels[f"force_{axis}"].values / 1e3) for axis in "uv"]
+    columns += [("n [rpm]", stream.channels["speed"].values * 30 / np.pi)]
+    table = np.column_stack([values for _, values in columns])
+    path = tmp_path / "run7.csv"
+    np.savetxt(path, table, delimiter=";", header=";".join(name for name, _ in columns), comments="", fmt="%.6f")
+    gaps = "\n".join(f"  {name}: {{channel: G{name[4:]}}}" for name in GAPS)
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(
+        f"experiment: tpjb.rotating\nchannels:\n  time: {{channel: t}}\n{gaps}\n  force_u: {{channel: Fu}}\n"
+        "  force_v: {channel: Fv}\n  speed: {channel: n}\n"
+        "conditions: {static_load: 80 kN, z1: -120 mm, z2: 0.12 m, bearing: 4pad, clearance_nominal: 200 um}\n"
+    )
+    answer = rigfit("run", "tpjb.rotating", path, "--recipe", recipe, "--out", tmp_path / "out")
+    assert answer.status == 0, answer.err
+    written = json.loads((tmp_path / "out" / "findings.json").read_text())
+    kxx = next(p for p in written["parameters"] if p["name"] == "kxx")
+    assert kxx["value"] == pytest.approx(K, rel=1.5e-3)
+    assert kxx["at"] == {"static_load": 80000.0, "shaft_speed": 104.7}
