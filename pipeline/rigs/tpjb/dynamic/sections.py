@@ -138,11 +138,16 @@ def _synchronous(table: pd.DataFrame, number: int) -> Table:
         rows.append(
             [str(row["name"]), _reading(row, unit), unit, relative, share, by_inertia, int(row["degree"]), judged]
         )
+    stiffness = table.set_index("name")["value"].astype(float)
+    told = [axes for axes in ("xx", "yy") if np.isfinite(stiffness["k" + axes])]
+    late = ", ".join(f"c{axes} by {1e-6 * stiffness['k' + axes]:.3g} N s/m" for axes in told)
+    lag = f" Each microsecond that the displacement comes late would raise {late}." if told else ""
     return Table(
         f"synchronous_{number}",
         "Synchronous coefficients",
         "Interpolated to the shaft's frequency. Type A is the scatter of the blocks; type B by gains scales all coefficients alike "
-        "and is not in the interval; type B by inertia is what the error of the stator's mass and stiffness does.",
+        "and is not in the interval; type B by inertia is what the error of the stator's mass and stiffness does."
+        f"{lag}",
         [
             Column("coefficient"),
             Column("value with 95 % interval"),

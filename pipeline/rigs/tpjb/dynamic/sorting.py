@@ -37,7 +37,7 @@ def sort_blocks(record: Record) -> None:
         record.say(
             "warning", f"{lost.size} blocks hold too few samples; they are left out.", None, record.span_of(lost)
         )
-    size = np.array([np.sqrt(np.nanmean(np.abs(record.amplitudes[name]) ** 2)) for name in names])
+    size = np.array([np.sqrt(np.mean(np.nan_to_num(np.abs(record.amplitudes[name])) ** 2)) for name in names])
     odd = excitation.odd_blocks(names, residual, size, record.usable)
     for block in odd:
         record.usable[block.block] = False
@@ -48,13 +48,25 @@ def sort_blocks(record: Record) -> None:
     if across:
         text = f"the excitation changes within {len(across)} of {record.start.size} blocks; they are left out."
         record.say("note", text, None, record.span_of(across))
-    for block in odd:
-        if block.block not in across:
-            span = record.span_of([block.block])
-            record.say("warning", f"{block.channel} {block.reason}; the block is left out.", block.channel, span)
+    _say_odd(record, [block for block in odd if block.block not in across])
     if left := [b for b in unlike if b not in across]:
         text = f"the drive differs in size in {len(left)} blocks; they are left out."
         record.say("warning", text, None, record.span_of(left))
+
+
+def _say_odd(record: Record, odd: Sequence[excitation.OddBlock]) -> None:
+    """Name odd blocks, those of one channel and kind together."""
+    alike: dict[tuple[str, bool], list[excitation.OddBlock]] = {}
+    for block in odd:
+        alike.setdefault((block.channel, block.reason.startswith("holds no")), []).append(block)
+    for (channel, _), blocks in alike.items():
+        which = "the block is" if len(blocks) == 1 else f"so it is in {len(blocks)} blocks; they are"
+        record.say(
+            "warning",
+            f"{channel} {blocks[0].reason}; {which} left out.",
+            channel,
+            record.span_of([block.block for block in blocks]),
+        )
 
 
 def _switches(kinds: Sequence[str], usable: np.ndarray) -> set[int]:
