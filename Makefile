@@ -36,7 +36,7 @@ benchmark: setup
 	$(BIN)/python -m benchmarks
 
 coverage-study: setup
-	$(BIN)/python -m benchmarks.coverage_mre_shear
+	for study in benchmarks/coverage_*.py; do $(BIN)/python -m benchmarks.$$(basename $$study .py) || exit 1; done
 
 clean:
 	rm -rf $(VENV) recordings reports datasets/*/synthetic
