@@ -17,11 +17,7 @@ class RotatingSettings(Settings):
     average: float | None = Field(
         None, gt=0, description="s, logs are averaged over it; by default a hundredth of a turn of the load"
     )
-    dwell_level: float = Field(0.05, gt=0, lt=0.5, description="share of the full force below which it counts as zero")
     least_turns: float = Field(3.0, ge=1, description="turns of the load that harmonics and THD ask for")
-    relevant: float = Field(
-        0.01, gt=0, lt=1, description="share of the 1X amplitude by which a term must change the orbit to be relevant"
-    )
     thd_linear: float = Field(0.025, gt=0, lt=1, description="THD below which an orbit is called linear")
     thd_nonlinear: float = Field(0.05, gt=0, lt=1, description="THD above which it is called nonlinear; sets rho*")
 

@@ -16,7 +16,7 @@ def methods(findings: Findings) -> Sequence[str]:
         _signals(findings),
         _harmonics(findings),
         _fit(findings),
-        _choice(findings),
+        _choice(),
         _errors(),
         _limit(findings),
     ]
@@ -34,7 +34,8 @@ def _signals(findings: Findings) -> str:
         "A force vector of constant size turned slowly round the stator in its static equilibrium (Ciulli and Forte 2019). "
         "The displacement of the stator against the shaft in the middle plane is half the difference of opposed proximity "
         f"probes, interpolated between the planes. Signals were averaged over {means}. Probes that contradict the others, "
-        f"stuck stretches and lone wild samples were left out. x is horizontal, y up; forces act on the stator.{told}"
+        "stuck stretches and lone wild samples were left out; a delay of the forces and a friction in them were taken out where "
+        f"ramps and unrest of the load show them surely. x is horizontal, y up; forces act on the stator.{told}"
     )
 
 
@@ -61,13 +62,13 @@ def _fit(findings: Findings) -> str:
     )
 
 
-def _choice(findings: Findings) -> str:
-    relevant = 100 * float(findings.settings.get("relevant", 0.01))
+def _choice() -> str:
     return (
         "The noise of the displacement was taken from what a smooth function of the force does not explain, so chi2 is known "
         "without a law: above 2 per degree of freedom no law holds, and coefficients are then taken from lower ratios where "
-        f"one holds there. Of the laws the one of least BIC (Schwarz 1978) was chosen, or a simpler one if it changes the orbit by "
-        f"less than {relevant:g} % of the 1X and leaves no more than noise."
+        "one holds there. Of the laws the one of least BIC (Schwarz 1978) was chosen, or a simpler one if it changes the orbit by "
+        "less than 1 % of the 1X and leaves no more than noise: a linear one for that alone, a quadratic one if its BIC is not "
+        "decisively worse."
     )
 
 

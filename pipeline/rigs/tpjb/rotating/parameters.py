@@ -73,7 +73,7 @@ def parameters_of(groups: Sequence[LoadGroup], single: Sequence[Turns], refused:
                 "thd", None, reason=refused or turns.refusal or "no law holds that tells what the load explains"
             )
         found.append(parameter(thd, {"run": turns.run}, "", _HARMONICS))
-        found += _harmonics(turns)
+        found += _harmonics(turns, refused)
     return found
 
 
@@ -161,14 +161,14 @@ def clearance_of(group: LoadGroup) -> float | None:
     return float(value) if isinstance(value, int | float) and value > 0 else None
 
 
-def _harmonics(turns: Turns) -> list[Parameter]:
+def _harmonics(turns: Turns, refused: str) -> list[Parameter]:
     found = []
     for axis in ("x", "y"):
         for order in (1, 2, 3):
             name = f"orbit_harmonic_{axis}"
             at: OperatingPoint = {"run": turns.run, "order": float(order)}
-            if turns.motion is None:
-                found.append(parameter(Estimate(name, None, reason=turns.refusal), at))
+            if turns.motion is None or refused:
+                found.append(parameter(Estimate(name, None, reason=refused or turns.refusal), at))
                 continue
             amplitude = abs((turns.motion.x if axis == "x" else turns.motion.y)[order - 1])
             own = estimate(name, amplitude, axis_sigma(turns, order))

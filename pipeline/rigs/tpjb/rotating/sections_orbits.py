@@ -30,7 +30,7 @@ def title(row: pd.Series) -> str:
     parts = [str(row["run"])]
     if pd.notna(row["static_load"]):
         parts.append(f"{row['static_load'] / 1e3:.4g} kN")
-    parts.append(f"{100 * row['ratio']:.3g} %" if pd.notna(row["ratio"]) else f"{row['force']:.4g} N")
+    parts.append(f"{100 * row['ratio']:.3g} %" if pd.notna(row["ratio"]) else f"{row['force'] / 1e3:.4g} kN of load")
     return ", ".join(parts)
 
 

@@ -172,7 +172,7 @@ def _doubts(said: Judgement, group: LoadGroup) -> None:
 
 def _highest(group: LoadGroup) -> str:
     record = group.highest.record
-    return f"{100 * record.ratio:.2g} %" if record.ratio else f"{record.rotation.size:.4g} N"
+    return f"{100 * record.ratio:.2g} %" if record.ratio else f"{record.rotation.size / 1e3:.4g} kN of load"
 
 
 def ended(sentence: str) -> str:
