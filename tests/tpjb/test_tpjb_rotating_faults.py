@@ -11,6 +11,7 @@ from rotating_logs import GAPS, changed, coefficients, found, logs, said, withou
 
 from pipeline.errors import InputError
 from pipeline.recording import Channel, Stream
+from pipeline.rigs.tpjb.rotating import sampling
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.faults import check
 from pipeline.rigs.tpjb.rotating.orientation import orientation_of, rough_stiffness, unit_findings
@@ -158,6 +159,16 @@ def test_logs_at_50_hz_are_averaged():
     assert record.averaged == 50
     assert 650 < record.orbit.time.size <= 700
     assert found([log]).one("kyy").value == pytest.approx(0.6e9, rel=5e-4)
+
+
+def test_long_logs_are_averaged_piece_by_piece_to_the_same_motion(monkeypatch):
+    (log,) = logs("A4", rate=50.0)
+    plain = recorded(changed(log, gap_up1=lambda x: np.where(np.arange(x.size) % 70 == 3, np.nan, x)))
+    monkeypatch.setattr(sampling, "_MANY", 5000)
+    thinned = recorded(changed(log, gap_up1=lambda x: np.where(np.arange(x.size) % 70 == 3, np.nan, x)))
+    assert thinned.averaged == pytest.approx(50, abs=7)
+    assert thinned.rotation.size == pytest.approx(plain.rotation.size, rel=1e-4)
+    assert thinned.orbit.displacement.std() == pytest.approx(plain.orbit.displacement.std(), rel=2e-3)
 
 
 def test_clockwise_and_faster_loads_give_the_same_law():

@@ -22,6 +22,8 @@ _A_TURN = 100
 _COARSE = 4000
 # A value that stands still for this share of a turn at full force is stuck: the vector turns by 30 deg.
 _STUCK = 1.0 / 12.0
+# Streams of more than twice as many samples are averaged while they are read.
+_MANY = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +51,7 @@ def sampled(recording: Recording, names: Sequence[str], average: float | None) -
     """
     findings: list[QualityFinding] = []
     wild: dict[str, np.ndarray] = {}
-    columns = {name: recording.signal(name) for name in names}
+    columns, thinned = _columns(recording, names)
     turns = _turns(recording, columns)
     for name in names:
         if name.startswith(("gap_", "force_u", "force_v")):
@@ -73,7 +75,44 @@ def sampled(recording: Recording, names: Sequence[str], average: float | None) -
         aligned = {name: _onto(base, time, values) for name, (time, values) in columns.items()}
         return Sampled(base, aligned, 1, tuple(findings))
     time, values = _means(columns, base, width)
-    return Sampled(time, values, max(round(width / fastest), 1), tuple(findings))
+    return Sampled(time, values, max(round(width / fastest * thinned), 1), tuple(findings))
+
+
+def _columns(recording: Recording, names: Sequence[str]) -> tuple[dict[str, tuple[np.ndarray, np.ndarray]], int]:
+    """Return stamps and values by channel, and how many samples each value stands for.
+
+    Streams with far more samples than an orbit needs are averaged piece by piece, so that memory is
+    bounded by the piece and not by the log.
+    """
+    columns: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    most = 1
+    for stream in recording.streams.values():
+        own = [name for name in names if name in stream.channels and name not in columns]
+        size = stream.size // _MANY
+        if not own:
+            continue
+        if size < 2:
+            columns |= {name: (stream.time, stream.channels[name].values) for name in own}
+            continue
+        most = max(most, size)
+        parts, rest = [], np.empty((1 + len(own), 0))
+        for time, values in stream.blocks(own):
+            table = np.hstack([rest, np.vstack([time, *values])])
+            whole = table.shape[1] // size * size
+            parts.append(_block_means(table[:, :whole].reshape(table.shape[0], -1, size)))
+            rest = table[:, whole:]
+        table = np.hstack(parts)
+        columns |= {name: (table[0], row) for name, row in zip(own, table[1:], strict=True)}
+    return columns, most
+
+
+def _block_means(blocks: np.ndarray) -> np.ndarray:
+    """Average the last axis over what is finite; NaN where that is less than half."""
+    finite = np.isfinite(blocks)
+    number = finite.sum(axis=2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(finite, blocks, 0.0).sum(axis=2) / number
+    return np.where(2 * number >= blocks.shape[2], mean, np.nan)
 
 
 @dataclass(frozen=True)
