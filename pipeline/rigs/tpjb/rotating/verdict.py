@@ -64,9 +64,8 @@ def judge(
         if not refused:
             said.reasons += summary(group, settings)
             _doubts(said, group)
-    for entry in consistency:
-        if not refused and entry.contradicts:
-            said.warn(entry.sentence)
+    if not refused:
+        _dynamic_test(said, consistency)
     _left_out(said, left_out)
     grave = [q for q in quality if q.level != "note" and q.run not in left_out and q.message.rstrip(".") != refused]
     for finding in grave[:_TOLD]:
@@ -105,6 +104,8 @@ def _law(group: LoadGroup) -> str:
     kind = "linear" if fit.model.is_linear else "quadratic"
     richer = [f.name for f in group.fits if f.size > fit.size and f.model.holds(fit.model)]
     needed = f"; {richer[0]} is not needed" if richer else ""
+    if fit.model.is_linear:
+        needed = "; no quadratic term is needed"
     return f"the {kind} law {fit.name} fits to {1e6 * fit.rms:.2g} um{needed}"
 
 
@@ -168,6 +169,20 @@ def _doubts(said: Judgement, group: LoadGroup) -> None:
     if group.static_load is None:
         said.warn("The static load is not known (neither static_load nor force_static): load ratios have no meaning.")
         said.advise("Give static_load for each run: in the log, in runs.csv or in the recipe.")
+
+
+def _dynamic_test(said: Judgement, consistency: Sequence[Consistency]) -> None:
+    """Say whether the dynamic test gives the same stiffness."""
+    compared = [entry for entry in consistency if entry.grave and entry.z is not None]
+    for entry in compared:
+        if entry.contradicts:
+            said.warn(entry.sentence)
+    if compared and not any(entry.contradicts for entry in compared):
+        largest = max(abs(entry.z or 0.0) for entry in compared)
+        said.reasons.append(
+            f"The dynamic test gives the same stiffness: {len(compared)} coefficients, largest difference {largest:.2g} "
+            "standard errors."
+        )
 
 
 def _highest(group: LoadGroup) -> str:
