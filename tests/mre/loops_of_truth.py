@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.recording import Recording
 from pipeline.rigs.mre.loop import Loop, fit_loop
-from pipeline.rigs.mre.synthetic import ShearTruth, shear_runs, shear_truth, synthesize_shear, true_loop
+from pipeline.rigs.mre.synthetic import ShearRun, ShearTruth, shear_runs, shear_truth, synthesize_shear, true_loop
 
 # Standard deviation of a harmonic: 1 N and 1.5 um over 20 000 samples.
 SD_F, SD_X = 1.0 * (2 / 20000) ** 0.5, 1.5e-6 * (2 / 20000) ** 0.5
@@ -37,11 +37,15 @@ def logged(seed: int, gain_scatter: float = 0.0, preload_runs: bool = False) -> 
 
 def noisy(overrides: Mapping[str, Any], seed: int, mass: float = 0.0) -> list[Loop]:
     """The loops of a campaign with noise on their harmonics, late by the lag, with gain scatter."""
-    truth = shear_truth({"preload_runs": False, **overrides})
+    truth = {"preload_runs": False, **overrides}
+    return measured(shear_runs(shear_truth(truth)), truth, seed, mass)
+
+
+def measured(runs: Sequence[ShearRun], overrides: Mapping[str, Any], seed: int, mass: float = 0.0) -> list[Loop]:
+    """The same for runs of one's own."""
+    truth = shear_truth(overrides)
     rng = np.random.default_rng(seed)
-    return [
-        _measured(truth, true_loop(truth, run), f"{run.name}_{i}", rng, mass) for i, run in enumerate(shear_runs(truth))
-    ]
+    return [_measured(truth, true_loop(truth, run), f"{run.name}_{i}", rng, mass) for i, run in enumerate(runs)]
 
 
 def _measured(truth: ShearTruth, loop: Loop, name: str, rng: np.random.Generator, mass: float) -> Loop:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from loops_of_truth import noisy
+from loops_of_truth import measured, noisy
 
 from pipeline.rigs.mre.harmonic_fit import FitOptions, identify_loops
+from pipeline.rigs.mre.synthetic import ShearRun
 from pipeline.rigs.mre.untared_mass import MassDecision, weigh_mass
 
 SEEDS = range(6)
@@ -60,3 +61,11 @@ def test_a_mass_too_small_to_be_seen_does_no_harm() -> None:
     for seed in SEEDS:
         decision = decided({}, seed, 0.02)
         assert decision.mass is not None or decision.doubt or z_of_k2(decision) < 3.5, f"seed {seed}"
+
+
+def test_a_mass_is_not_claimed_where_no_current_has_two_frequencies() -> None:
+    runs = [ShearRun("a", "shear", 5.3, 6e-4, 2.0), ShearRun("b", "shear", 10.6, 4e-4, 6.0)] * 2
+    for seed in SEEDS:
+        loops = measured(runs, {"gain_scatter": 0.004}, seed)
+        options = FitOptions(starts=1)
+        assert weigh_mass(identify_loops(loops, options), loops, options).mass is None

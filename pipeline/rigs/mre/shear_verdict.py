@@ -70,8 +70,17 @@ def judge(
     for doubt in doubts:
         said.warn(doubt)
     if not said.reasons:
-        said.reasons.append("All parameters are determined and the residual is no more than the noise.")
+        said.reasons.append(_nothing_wrong(fit))
     return said
+
+
+def _nothing_wrong(fit: DynamicFit | None) -> str:
+    if fit is None or fit.run_scatter == 0:
+        return "All parameters are determined and the residual is no more than the noise."
+    return (
+        f"All parameters are determined. Within a run the residual is no more than the noise; from run to run the force "
+        f"scatters by {100 * fit.run_scatter:.2g} %, which the intervals allow for."
+    )
 
 
 def _left_out(said: Judgement, runs: SortedRuns) -> None:
@@ -111,6 +120,9 @@ def _loops(said: Judgement, fit: DynamicFit) -> None:
         said.advice += _design_advice(fit)
     for name in fit.at_bound:
         said.warn(f"{name} lies at the edge of what is admissible.")
+    if fit.reference_current:
+        said.warn("No run is at 0 A: k_MR is not determined; k2 at each current holds it.")
+        said.advice.append("Add runs at 0 A.")
 
 
 def _design_advice(fit: DynamicFit) -> list[str]:

@@ -9,11 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.estimation.estimate import undetermined
+from pipeline.rigs.mre.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.harmonic_fit import FitOptions, Identification, identify_loops
 from pipeline.rigs.mre.loop import Loop
 from pipeline.rigs.mre.variants import DECISIVE
 
-_FREQUENCY_RATIO = 1.2  # it takes two frequencies to tell a mass from a stiffness
+# It takes two frequencies at one current to tell a mass from a stiffness, and runs beyond that to believe it.
+_FREQUENCY_RATIO, _FEWEST = 1.2, 4
 
 
 @dataclass(frozen=True)
@@ -32,9 +34,7 @@ def weigh_mass(found: Identification, loops: Sequence[Loop], options: FitOptions
     that is better by `DECISIVE` in BIC is taken; where it is as good, `doubt` says what hangs on it.
     """
     fit = found.selected
-    frequencies = [loop.frequency for loop in loops]
-    several = max(frequencies) > _FREQUENCY_RATIO * min(frequencies)
-    if options.fit_mass or options.mass_known or not several or fit.dof < 1:
+    if options.fit_mass or options.mass_known or not _can_be_told(fit) or fit.dof < 1:
         return MassDecision(found)
     in_place_of_scatter = fit.run_scatter > 0 or fit.rejected
     tried = (False, True) if in_place_of_scatter and options.scatter else (options.scatter,)
@@ -51,6 +51,16 @@ def weigh_mass(found: Identification, loops: Sequence[Loop], options: FitOptions
     if gain > (-DECISIVE if instead else 0.0):
         return MassDecision(found, doubt=_doubt(found, rival, mass))
     return MassDecision(found)
+
+
+def _can_be_told(fit: DynamicFit) -> bool:
+    """Whether some current was run at several frequencies."""
+    if len(fit.loops) < _FEWEST:
+        return False
+    at_level: dict[int, list[float]] = {}
+    for loop, level in zip(fit.loops, fit.layout.labels, strict=True):
+        at_level.setdefault(level, []).append(loop.frequency)
+    return any(max(found) > _FREQUENCY_RATIO * min(found) for found in at_level.values())
 
 
 def _with_mass(loops: Sequence[Loop], options: FitOptions, scatter: bool) -> Identification | None:
