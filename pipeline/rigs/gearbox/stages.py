@@ -1,0 +1,97 @@
+"""What a run of the load exchange is cut into: stages, events with their errors, and what is off the protocol.
+
+Data only; `segmentation` finds the stages, `events` the instants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from pipeline.recording import Level
+
+StageName = Literal[
+    "standstill",
+    "startup",
+    "fos",
+    "fos_loaded",
+    "brake",
+    "sos",
+    "stall",
+    "release",
+    "fos_after",
+    "rundown",
+]
+EventName = Literal["startup", "brake_onset", "unlock", "sos_start", "sos_end", "relock", "rundown"]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stretch of one state: from `start` to `end`, s on the clock of the torques."""
+
+    name: StageName
+    start: float
+    end: float
+
+    @property
+    def duration(self) -> float:
+        """Length, s."""
+        return self.end - self.start
+
+
+@dataclass(frozen=True)
+class EventTime:
+    """When something happened: `time` and its standard error `sd`, s."""
+
+    time: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something off the protocol: when (s), what, and how bad."""
+
+    span: tuple[float, float]
+    message: str
+    level: Level = "warning"
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """The stages of one run in the order of time, and what they leave open.
+
+    Attributes
+    ----------
+    stages
+        Neighbours share their boundary; a stretch that fits no stage is left out and told in `problems`.
+    events
+        Of the first brake cycle, by name; an event that did not happen is missing.
+    complete
+        Whether the sequence standstill, startup, fos, brake, sos, release, fos_after is there without
+        anything that is off the protocol.
+    problems
+        What is off the protocol or uncertain, with times.
+    speed_nominal
+        Median speed of the output shaft while it turns steadily, rad/s; NaN where it never does.
+    """
+
+    stages: tuple[Stage, ...]
+    events: Mapping[EventName, EventTime]
+    complete: bool
+    problems: tuple[Problem, ...] = ()
+    speed_nominal: float = float("nan")
+    cycles: tuple[Mapping[EventName, EventTime], ...] = field(default=())
+
+    @property
+    def names(self) -> tuple[StageName, ...]:
+        """The sequence of stages."""
+        return tuple(stage.name for stage in self.stages)
+
+    def all(self, name: StageName) -> tuple[Stage, ...]:
+        """Return every stage of that name."""
+        return tuple(stage for stage in self.stages if stage.name == name)
+
+    def stage(self, name: StageName) -> Stage | None:
+        """Return the first stage of that name, None where there is none."""
+        return next(iter(self.all(name)), None)
