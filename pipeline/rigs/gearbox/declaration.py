@@ -1,0 +1,190 @@
+"""`gearbox.load_exchange`: what load a planetary gearbox exchanges with its stages (gearbox.md, sections 1, 2, 10).
+
+Only the declaration stands here; `identify` does the work, so that listing experiments is fast.
+"""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from pipeline.rigs.experiment import (
+    ChannelSpec,
+    ConditionSpec,
+    Experiment,
+    Later,
+    ParameterSpec,
+    Range,
+    Reference,
+    Settings,
+)
+
+
+class LoadExchangeSettings(Settings):
+    """What a recipe of `gearbox.load_exchange` may set."""
+
+    torque_uncertainty: float = Field(
+        0.001, ge=0, lt=0.5, description="standard uncertainty of a torque sensor as a share of its range (type B)"
+    )
+    slope_tolerance: float = Field(0.05, gt=0, lt=1, description="FOS slope further from 1 asks for cross-calibration")
+    least_speeds: int = Field(5, ge=5, le=20, description="speeds that the drag's four parameters need")
+    draws: int = Field(200, ge=50, le=2000, description="draws of the bootstrap of the inertia")
+    seed: int = Field(0, ge=0, description="of the bootstrap")
+
+
+CHANNELS = (
+    ChannelSpec("torque_in", "N*m", "shaft torque motor to gearbox, + when it drives the motor's direction", limit=1e3),
+    ChannelSpec("torque_out", "N*m", "shaft torque gearbox to flywheel, + when it drives the load forward", limit=1e3),
+    ChannelSpec("encoder_count_out", "1", "cumulative count of the output shaft's encoder", required=False),
+    ChannelSpec(
+        "speed_out", "rad/s", "output speed, + in the motor's direction; where counts are missing", required=False,
+        limit=2e3,
+    ),
+    *(
+        ChannelSpec(f"acc_{place}", "m/s^2", f"acceleration of the {where}", required=False, limit=2e3)
+        for place, where in (
+            ("in_radial", "input shaft's bearing, radial"),
+            ("in_axial", "input shaft's bearing, axial"),
+            ("out_radial", "output shaft's bearing, radial"),
+            ("out_axial", "output shaft's bearing, axial"),
+            ("load_radial", "bearing next to the flywheel, radial"),
+        )
+    ),
+    ChannelSpec("speed_in", "rad/s", "input speed, + in the motor's direction", required=False, limit=2e3),
+    ChannelSpec("brake_force", "N", "brake actuation, cross-check of events only", required=False, limit=1e5),
+)  # fmt: skip
+_POSITIVE = Range(0.0, above=True)
+CONDITIONS = (
+    ConditionSpec("speed_nominal", "rad/s", "input speed as set; by default what the output shaft does in FOS",
+                  range=_POSITIVE),
+    ConditionSpec("encoder_ppr", "1", "pulses per turn of the encoder", default=128.0, range=_POSITIVE),
+    ConditionSpec("encoder_decoding", "1", "edges counted per pulse: 1, 2 or 4", range=Range(1, 4, whole=True)),
+    ConditionSpec("torque_range_in", "N*m", "range of the input torque sensor", range=_POSITIVE),
+    ConditionSpec("torque_range_out", "N*m", "range of the output torque sensor", range=_POSITIVE),
+    ConditionSpec("ramp_time", "s", "acceleration time set in the inverter", range=_POSITIVE),
+    ConditionSpec("inverter_frequency", "Hz", "output frequency of the inverter", range=_POSITIVE),
+    ConditionSpec("flywheel_inertia", "kg*m^2", "inertia of the flywheel where it is known", range=_POSITIVE),
+    ConditionSpec("lubrication", "", "lubrication of the gears"),
+    ConditionSpec("teeth", "", "teeth of sun, planet, ring, input train; output train: '60 20 100; 12 44 100'",
+                  default="60 20 100; 12 44 100"),
+    ConditionSpec("remark", "", "free text"),
+)  # fmt: skip
+OPERATING = (
+    ConditionSpec("stage", "", "startup, fos, brake, sos, release, fos_after or rundown"),
+    ConditionSpec("event", "", "startup, brake_onset, unlock, sos_start, sos_end, relock or rundown"),
+    ConditionSpec("phase", "", "startup, brake rise or steady levels"),
+    ConditionSpec("channel", "", "acceleration channel"),
+    ConditionSpec("speed", "rad/s", "output speed in FOS"),
+)
+
+
+def _pair(name: str, symbol: str, unit: str, description: str, source: str) -> tuple[ParameterSpec, ...]:
+    """Return a quantity of the input and of the output shaft; `{}` in name and symbol is the side."""
+    return tuple(
+        ParameterSpec(name.format(side), symbol.format(side), unit, f"{description}, {word}", source)
+        for side, word in (("in", "input"), ("out", "output"))
+    )
+
+
+PARAMETERS = (
+    ParameterSpec(
+        "inertia_load", "J_L", "kg*m^2", "inertia of what turns behind the output torque sensor", "eq. A", key=True
+    ),
+    ParameterSpec("drag_coulomb", "d_0", "N*m", "drag of the load that does not depend on speed", "eq. A", key=True),
+    ParameterSpec("drag_viscous", "d_1", "N*m*s/rad", "drag of the load in proportion to speed", "eq. A", key=True),
+    ParameterSpec(
+        "efficiency_fos", r"\eta", "1", "output over input power while locked (FOS)", "eqs 7, 8; 3.4", key=True
+    ),
+    ParameterSpec(
+        "torque_ratio_sos",
+        "T_{out}/T_{in}",
+        "1",
+        "output over input torque while the output stands (SOS): a reaction, no efficiency",
+        "3.4",
+        key=True,
+    ),
+    ParameterSpec(
+        "power_dissipated_sos", "P_{diss}", "W", "input power in SOS, all of which becomes heat", "3.4", key=True
+    ),
+    ParameterSpec("lock_torque", "M_{lock}", "N*m", "torque on the lock when it breaks", "3.3; 5.4", key=True),
+    ParameterSpec("slip_torque", "M_{slip}", "N*m", "torque of the slipping gears in SOS", "3.3; 5.4", key=True),
+    ParameterSpec("torque_transfer_slope", "a", "1", "slope of output over input torque", "eqs B, C; 5.4", key=True),
+    ParameterSpec(
+        "torque_transfer_intercept",
+        "T_{00}",
+        "N*m",
+        "input torque at which the fitted line reaches zero output torque",
+        "5.4",
+    ),
+    *_pair("torque_{}_nominal", "T_{{{}}}", "N*m", "mean torque over the stage", "5.2"),
+    *_pair("torque_{}_peak", r"\hat T_{{{}}}", "N*m", "peak of the torque, 20 Hz zero-phase low-pass", "5.3"),
+    *_pair("torque_relief_{}", r"r_{{{}}}", "1", "1 - SOS nominal / brake peak", "4.2"),
+    *_pair("torque_residual_{}", r"q_{{{}}}", "1", "SOS nominal / brake peak (the paper's percentages)", "4.2"),
+    *_pair("startup_excess_{}", r"\Delta T_{{s,{}}}", "N*m", "start-up peak less FOS nominal; not an inertia", "4.2"),
+    ParameterSpec("breakaway_drop_in", r"\Delta T_{drop}", "N*m", "brake peak less SOS nominal, input", "4.2"),
+    ParameterSpec("breakaway_rise_in", r"\Delta T_{rise}", "N*m", "brake peak less FOS nominal, input", "4.2"),
+    ParameterSpec("speed_out_nominal", r"\omega_{C2}", "rad/s", "output speed in FOS", "5.1"),
+    ParameterSpec("speed_in_sos", r"\omega_{C1}", "rad/s", "input speed in SOS", "5.5"),
+    ParameterSpec("event_time", "t", "s", "time of an event, clock of the torques", "5.1"),
+    ParameterSpec("vibration_rms", "a_{rms}", "m/s^2", "acceleration above 2 Hz, root mean square", "5.7"),
+    ParameterSpec("drag_locked", "T_0", "N*m", "drag to ground of the locked gearbox, at the input", "3.5; 5.4"),
+    ParameterSpec("c0", "c_0", "N*m", "constant part of the locked drag", "3.5"),
+    ParameterSpec("c_s", "c_S", "N*m", "Stribeck part of the locked drag", "3.5"),
+    ParameterSpec("w_s", r"\omega_S", "rad/s", "Stribeck speed of the locked drag", "3.5"),
+    ParameterSpec("b0", "b_0", "N*m*s/rad", "viscous part of the locked drag", "3.5"),
+    ParameterSpec("slip_torque_slope", "M_v", "N*m*s/rad", "slip torque over slip speed, slope", "3.5"),
+    ParameterSpec("slip_torque_intercept", "M_c", "N*m", "slip torque over slip speed, at no slip", "3.5"),
+)
+
+GONZALEZ_CRUZ_2019 = Reference(
+    "gonzalezcruz2019",
+    "C. A. González-Cruz and M. Ceccarelli",
+    "Experimental Characterization of the Coupling Stage of a Two-Stage Planetary Gearbox in Variable Operational Conditions",
+    "Machines",
+    2019,
+    volume="7",
+    pages="45",
+)
+SHINBROT_1957 = Reference(
+    "shinbrot1957",
+    "M. Shinbrot",
+    "On the analysis of linear and nonlinear systems",
+    "Transactions of the ASME",
+    1957,
+    volume="79",
+    pages="547-552",
+)
+WHITE_1997 = Reference(
+    "white1997",
+    "K. P. White",
+    "An effective truncation heuristic for bias reduction in simulation output",
+    "Simulation",
+    1997,
+    volume="69",
+    pages="323-334",
+)
+ARMSTRONG_1994 = Reference(
+    "armstrong1994",
+    "B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit",
+    "A survey of models, analysis tools and compensation methods for the control of machines with friction",
+    "Automatica",
+    1994,
+    volume="30",
+    pages="1083-1138",
+)
+
+LOAD_EXCHANGE = Experiment(
+    id="gearbox.load_exchange",
+    title="Load exchange of a two-stage planetary gearbox",
+    summary="Stages, torques, efficiency, inertia, drag, lock and slip torque of a gearbox that locks (FOS) or slips (SOS).",
+    references=(GONZALEZ_CRUZ_2019, SHINBROT_1957, WHITE_1997, ARMSTRONG_1994),
+    channels=CHANNELS,
+    conditions=CONDITIONS,
+    parameters=PARAMETERS,
+    settings=LoadExchangeSettings,
+    identify=Later("pipeline.rigs.gearbox.identify:identify"),
+    synthesize=Later("pipeline.rigs.gearbox.synthetic:synthesize"),
+    sections=Later("pipeline.rigs.gearbox.sections:sections"),
+    methods=Later("pipeline.rigs.gearbox.methods:methods"),
+    check=Later("pipeline.rigs.gearbox.check:check"),
+    operating=OPERATING,
+)
