@@ -145,9 +145,9 @@ def _narrowest(stems: Sequence[Stems], x: Scale, width: float) -> float:
 def _stems(axes: Axes, mark: Stems, x: Scale, y: Scale, narrowest: float, z: float) -> None:
     look = style(mark.role)
     xs, ys = x.shown(mark.x), y.shown(mark.y)
-    foot = y.shown(mark.base) if not y.log else np.full(1, y.low)
+    foot = y.low if y.log else float(y.shown(mark.base))
     if mark.width is not None:
-        axes.bar(xs, ys - foot, width=mark.width / x.unit.size, bottom=float(foot), color=look.light, alpha=0.85,
+        axes.bar(xs, ys - foot, width=mark.width / x.unit.size, bottom=foot, color=look.light, alpha=0.85,
                  linewidth=0, zorder=z)  # fmt: skip
         return
     thick = float(np.clip(0.4 * narrowest, 0.8, 3.0))

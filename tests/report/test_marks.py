@@ -103,6 +103,11 @@ def test_bars_have_a_width_and_reach_below_zero() -> None:
 
 def test_stems_on_a_logarithmic_axis_stand_on_its_lower_end() -> None:
     drawn([Stems(np.arange(1.0, 4.0), np.array([1.0, 1e-3, 0.0]))], Axis("order"), Axis("amplitude", "m", "log"))
+    drawn(
+        [Stems(np.arange(1.0, 4.0), np.array([1.0, 1e-3, 0.0]), width=0.8)],
+        Axis("order"),
+        Axis("amplitude", "m", "log"),
+    )
 
 
 def test_limits_along_x_are_drawn() -> None:

@@ -155,6 +155,7 @@ def _model(solution: Solution, entry: Coefficient, law: Law) -> ModelResult:
     candidate = Candidate("", law.chi2, r.size, law.degree + 1, sigma_known=True)
     return ModelResult(
         name=f"{entry.name}, degree {law.degree}, {solution.pool.label}",
+        family=f"{entry.name}, {solution.pool.label}",
         selected=law is entry.law,
         n_parameters=law.degree + 1,
         n_data=r.size,

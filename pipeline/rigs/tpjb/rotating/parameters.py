@@ -188,21 +188,21 @@ def models_of(groups: Sequence[LoadGroup], main: LoadGroup | None) -> list[Model
     found = []
     for group in groups:
         suffix = "" if len(groups) == 1 else f" at {group.label}"
-        best = candidate_of(group, group.comparison.best)  # criteria of one static load tell nothing of another
         for fit in (*group.fits, *group.dependent):
             chosen = fit is group.selected
             own = candidate_of(group, fit)
             found.append(
                 ModelResult(
                     name=f"{fit.name}{suffix}",
+                    family=group.label if len(groups) > 1 else "",
                     selected=chosen and group is main,
                     n_parameters=fit.size,
                     n_data=fit.n_data,
                     rms_residual=fit.rms,
                     nrmse=fit.nrmse,
                     chi2_reduced=fit.chi2_reduced,
-                    aicc=own.aicc - best.aicc,
-                    bic=own.bic - best.bic,
+                    aicc=own.aicc,
+                    bic=own.bic,
                     cv_error=group.prediction if chosen else None,
                     description=_model_text(group, fit, chosen),
                 )
