@@ -9,7 +9,8 @@ import pytest
 from rotating_orbits import orbits, static_load
 
 from pipeline.errors import InputError
-from pipeline.rigs.tpjb.rotating.orbit import Orbit, circularity, harmonics, openness, rotation
+from pipeline.rigs.tpjb.rotating.harmonics import circularity, harmonics, openness
+from pipeline.rigs.tpjb.rotating.orbit import Orbit, rotation
 
 RATE = 0.010013
 

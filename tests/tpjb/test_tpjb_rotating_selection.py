@@ -9,12 +9,12 @@ import pytest
 from rotating_orbits import circle, coefficients, orbits, static_load, truth, turning_parts
 
 from pipeline.errors import InputError
+from pipeline.rigs.tpjb.rotating.harmonics import openness
 from pipeline.rigs.tpjb.rotating.linear_limit import linear_limit, model_distortion, nonlinear_distortion
 from pipeline.rigs.tpjb.rotating.load_dependence import StiffnessOfLoad, conservative, position_relation, relations
 from pipeline.rigs.tpjb.rotating.load_models import fit_load_models, load_laws
 from pipeline.rigs.tpjb.rotating.model_fit import fit_model
 from pipeline.rigs.tpjb.rotating.models import M1, M2, M3, M3P, M4, M5, M6, MODELS, model
-from pipeline.rigs.tpjb.rotating.orbit import openness
 from pipeline.rigs.tpjb.rotating.selection import fit_models, leave_one_turn_out
 from pipeline.rigs.tpjb.truth import BEARINGS
 

@@ -12,10 +12,10 @@ import pandas as pd
 from pipeline.rigs.tpjb.rotating.clearance import Clearance
 from pipeline.rigs.tpjb.rotating.consistency import Consistency
 from pipeline.rigs.tpjb.rotating.group import LoadGroup, model_orbit
+from pipeline.rigs.tpjb.rotating.harmonics import circularity, openness
 from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
 from pipeline.rigs.tpjb.rotating.linear_limit import model_distortion
 from pipeline.rigs.tpjb.rotating.model_fit import LawFit, ModelFit
-from pipeline.rigs.tpjb.rotating.orbit import circularity, openness
 from pipeline.rigs.tpjb.rotating.parameters import axis_sigma, candidate_of, clearance_of
 from pipeline.rigs.tpjb.rotating.turns import Turns
 

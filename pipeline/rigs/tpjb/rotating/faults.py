@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
-from pipeline.rigs.tpjb.rotating.orbit import circularity
+from pipeline.rigs.tpjb.rotating.harmonics import circularity
 from pipeline.rigs.tpjb.rotating.orientation import orientation_of, unit_findings
 from pipeline.rigs.tpjb.rotating.record import Record, record_of
 from pipeline.rigs.tpjb.rotating.turns import Turns, turns_of

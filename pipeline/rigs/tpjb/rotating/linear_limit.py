@@ -13,8 +13,9 @@ import numpy as np
 
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.rigs.tpjb.rotating import law
+from pipeline.rigs.tpjb.rotating.harmonics import ORDERS, Harmonics, circularity, harmonics
 from pipeline.rigs.tpjb.rotating.model_fit import ModelFit
-from pipeline.rigs.tpjb.rotating.orbit import ORDERS, Harmonics, Orbit, circularity, harmonics
+from pipeline.rigs.tpjb.rotating.orbit import Orbit
 
 LEVEL, MARGINAL = 0.05, 0.025
 _SAMPLES = 64

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.rigs.tpjb.rotating.orbit import Orbit, harmonics
+from pipeline.rigs.tpjb.rotating.harmonics import harmonics
+from pipeline.rigs.tpjb.rotating.orbit import Orbit
 from pipeline.signals.resampling import interpolated
 
 # The coefficients listen to these orders of the rotation only (0.004 to 0.2 Hz at 0.01 Hz).

@@ -10,7 +10,8 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
-from pipeline.rigs.tpjb.rotating.orbit import Harmonics, Orbit, harmonics
+from pipeline.rigs.tpjb.rotating.harmonics import Harmonics, harmonics
+from pipeline.rigs.tpjb.rotating.orbit import Orbit
 from pipeline.rigs.tpjb.rotating.record import Record
 
 # Rms departure from uniform rotation (rad) and misfit of the harmonics over the 1X beyond which an orbit does not repeat.

@@ -20,7 +20,7 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.tpjb.rotating.consistency import Consistency
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.group import LoadGroup
-from pipeline.rigs.tpjb.rotating.orbit import openness
+from pipeline.rigs.tpjb.rotating.harmonics import openness
 from pipeline.rigs.tpjb.rotating.parameters import of_clearance
 
 _TOLD = 4
