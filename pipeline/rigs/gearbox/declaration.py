@@ -22,8 +22,8 @@ from pipeline.rigs.experiment import (
 class LoadExchangeSettings(Settings):
     """What a recipe of `gearbox.load_exchange` may set."""
 
-    torque_uncertainty: float = Field(
-        0.001, ge=0, lt=0.5, description="standard uncertainty of a torque sensor as a share of its range (type B)"
+    torque_accuracy: float = Field(
+        0.001, ge=0, lt=0.5, description="limits of error of a torque sensor as a share of its range (type B)"
     )
     slope_tolerance: float = Field(0.05, gt=0, lt=1, description="FOS slope further from 1 asks for cross-calibration")
     least_speeds: int = Field(5, ge=5, le=20, description="speeds that the drag's four parameters need")
