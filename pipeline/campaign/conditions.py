@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 # What the logs of synthetic rigs say of themselves, whatever the experiment.
 SYNTHETIC = ConditionSpec("synthetic", "", "true where a synthetic rig made the log: nothing was measured")
 
+_DEFAULT = "the experiment's default"
 HEADING = re.compile(r"^\s*(.*?)\s*(?:[\[(]\s*([^\])]*)\s*[\])])?\s*$")
 _TRUE, _FALSE = {"true", "yes", "ja", "oui", "on"}, {"false", "no", "nein", "non", "off"}
 
@@ -53,7 +54,19 @@ def of_logs(
     names |= {entry.channel for entry in recipe.channels.values() if entry.channel is not None}
     said = said_by(logs, (*recipe.experiment.conditions, SYNTHETIC), names)
     found = of_run(run, recipe, table, said.metadata, file_names)
-    return replace(found, notes=(*said.notes, *found.notes))
+    varying = [_said_varying(name, text, found) for name, text in said.varying.items()]
+    return replace(found, notes=(*said.notes, *varying, *found.notes))
+
+
+def _said_varying(name: str, text: str, found: Conditions) -> QualityFinding:
+    """Say of a column with a condition's name that it gives none: a warning where nothing else does."""
+    place = found.sources.get(name)
+    if place in (None, _DEFAULT):
+        message = (
+            f"{text}: a condition is one number for the whole run, so it gives none. Write '{name}' into runs.csv."
+        )
+        return QualityFinding("warning", message)
+    return QualityFinding("note", f"{text}: it is not taken as '{name}', which {place} gives.")
 
 
 def of_run(
@@ -101,7 +114,7 @@ def of_run(
         if spec.name not in values and spec.required:
             raise InputError(_missing(spec, run, recipe))
         if spec.name not in values and spec.default is not None:
-            values[spec.name], sources[spec.name] = spec.default, "the experiment's default"
+            values[spec.name], sources[spec.name] = spec.default, _DEFAULT
     return Conditions(values, sources, tuple(notes))
 
 

@@ -216,6 +216,12 @@ def _channel_map(name: str, entry: ChannelEntry, experiment: Experiment, where: 
             f"{where}: {experiment.id} knows no channel '{name}'.{nearest(name, known)} "
             f"Known channels: {listing(known, 40)}. Left of the colon stands the rig's name, right of it the log's."
         )
+    for key, value in (("rate", entry.rate), ("stamp", entry.stamp)):
+        if spec is not None and value is not None:
+            raise InputError(
+                f"{where}, channel '{name}': '{key}' is for 'time' only, which all channels of a table share. "
+                f"Write `time: {{{key}: {value}}}`, or leave it out."
+            )
     si_unit = "s" if spec is None else spec.unit
     if entry.unit is not None and si_unit:
         conversion(entry.unit, si_unit, f"{where}, channel '{name}'")

@@ -13,6 +13,7 @@ from pipeline.campaign.logs import RunFiles
 from pipeline.campaign.recipe import Recipe, load
 from pipeline.campaign.runs_table import RunsTable
 from pipeline.errors import InputError
+from pipeline.ingest.reader import RawLog
 from pipeline.ingest.scan import TableScan, scan_run
 from pipeline.recording import QualityFinding
 from pipeline.rigs.registry import experiment as find_experiment
@@ -64,20 +65,25 @@ def _show_run(run: RunFiles, recipe: Recipe | None, table: RunsTable | None) -> 
         click.echo(f"{log.path}: {log.format}{f' ({about})' if about else ''}")
     for part in scan.tables:
         _show_table(part)
-    metadata = {key: value for log in scan.logs for key, value in log.metadata.items()}
-    if metadata:
-        click.echo("said by the log:")
-        for key, value in metadata.items():
-            click.echo(f"  {key}: {value}")
+    _show_said(scan.logs)
     quality, refused = list(scan.quality), False
     if recipe is not None:
         try:
-            quality += _by_experiment(run, recipe, table, names, metadata)
+            _by_experiment(run, recipe, table, names, scan.logs, quality)
         except InputError as error:
             refused = True
             if not any(str(error) in finding.message for finding in quality):
                 quality.append(QualityFinding("error", str(error)))
     return max(_show_quality(quality), 2 if refused else 0)
+
+
+def _show_said(logs: Sequence[RawLog]) -> None:
+    """Print what each log says of itself, under its name where there are several."""
+    for log in logs:
+        if log.metadata:
+            click.echo(f"said by {log.path.name}:" if len(logs) > 1 else "said by the log:")
+            for key, value in log.metadata.items():
+                click.echo(f"  {key}: {value}")
 
 
 def _show_table(table: TableScan) -> None:
@@ -114,9 +120,14 @@ def _show_table(table: TableScan) -> None:
 
 
 def _by_experiment(
-    run: RunFiles, recipe: Recipe, table: RunsTable | None, names: dict[str, str], metadata: dict[str, str]
-) -> list[QualityFinding]:
-    """Return what the experiment has to say: conditions, and its own physics.
+    run: RunFiles,
+    recipe: Recipe,
+    table: RunsTable | None,
+    names: dict[str, str],
+    opened: Sequence[RawLog],
+    quality: list[QualityFinding],
+) -> None:
+    """Show the conditions and add to `quality` what the experiment has to say: of them, and by its own physics.
 
     Raises
     ------
@@ -126,7 +137,7 @@ def _by_experiment(
     from pipeline.ingest.ingest import ingest_run
     from pipeline.recording.storage import read
 
-    given = conditions.of_run(run.run, recipe, table, metadata, [path.name for _, path in run.files])
+    given = conditions.of_logs(run.run, recipe, table, opened, [path.name for _, path in run.files])
     if given.values:
         click.echo("conditions:")
         for name, value in given.values.items():
@@ -134,7 +145,7 @@ def _by_experiment(
             unit = spec.unit if spec and spec.unit not in ("", "1") else ""
             shown = f"{value:.6g} {unit}".strip() if isinstance(value, float) else str(value)
             click.echo(f"  {name}: {shown} (from {given.sources[name]})")
-    found = list(given.notes)
+    quality += given.notes
     with tempfile.TemporaryDirectory() as folder:
         paths = ingest_run(
             run.run,
@@ -146,8 +157,7 @@ def _by_experiment(
             Path(folder),
             shown=names,
         )
-        found += recipe.experiment.check(read(paths, lazily=True))
-    return found
+        quality += recipe.experiment.check(read(paths, lazily=True))
 
 
 def _show_quality(quality: Sequence[QualityFinding]) -> int:

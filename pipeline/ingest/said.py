@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -34,10 +34,14 @@ class ConditionLike(Protocol):
 
 @dataclass(frozen=True)
 class Said:
-    """Entries by key, of each condition only the one that holds, and what is to be said of the others."""
+    """Entries by key, of each condition only the one that holds, and what is to be said of the others.
+
+    `varying` tells by condition of columns that bear its name but hold several values: they give no condition.
+    """
 
     metadata: Mapping[str, str]
     notes: tuple[QualityFinding, ...] = ()
+    varying: Mapping[str, str] = field(default_factory=dict)
 
 
 def said_by(logs: Sequence[RawLog], specs: Sequence[ConditionLike], channels: Collection[str] = ()) -> Said:
@@ -61,8 +65,13 @@ def said_by(logs: Sequence[RawLog], specs: Sequence[ConditionLike], channels: Co
     metadata: dict[str, str] = {}
     known = {plain(spec.name): spec for spec in specs}
     passed_by = {plain(name) for name in channels} | {"time"}
+    varying: dict[str, str] = {}
     for entry, is_column in _entries(logs, known, passed_by):
         name = _name(entry.key)
+        if is_column and not entry.value:
+            if name in known:
+                varying.setdefault(known[name].name, entry.place)
+            continue
         if name in known:
             by_condition.setdefault(name, []).append(entry)
             continue
@@ -74,13 +83,13 @@ def said_by(logs: Sequence[RawLog], specs: Sequence[ConditionLike], channels: Co
         holding, contradictions = _settled(known[name], entries)
         metadata[holding.key] = holding.value
         notes += contradictions
-    return Said(metadata, tuple(notes))
+    return Said(metadata, tuple(notes), varying)
 
 
 def _entries(
     logs: Sequence[RawLog], known: Mapping[str, ConditionLike], passed_by: Collection[str]
 ) -> Iterator[tuple[Entry, bool]]:
-    """Yield all entries in the order in which they hold, and whether each is a column of the table."""
+    """Yield all entries in the order in which they hold, and whether each is a column; one that varies has no value."""
     for log in logs:
         where = f" of {log.path.name}" if len(logs) > 1 else ""
         for entry in log.entries or [Entry(key, str(text), "the log's metadata") for key, text in log.metadata.items()]:
@@ -101,17 +110,19 @@ def _may_be_condition(channel: RawChannel, known: Mapping[str, ConditionLike], p
 
 
 def _constant(table: RawTable, channel: RawChannel, where: str) -> list[Entry]:
-    """Return the one value of a column; nothing where it has none or several. Reading ends at the second value."""
+    """Return the one value of a column; an entry without value where it has several, at the second of which reading ends."""
     value: float | None = None
+    place, unit = f"the column '{channel.name}'{where}", channel.unit or ""
     for block in table.blocks([channel.name]):
         numbers = block[channel.name]
         present = numbers[np.isfinite(numbers)]
-        if present.size and (present != (present[0] if value is None else value)).any():
-            return []
-        value = float(present[0]) if present.size else value
-    if value is None:
-        return []
-    return [Entry(channel.name, f"{value!r} {channel.unit or ''}".strip(), f"the column '{channel.name}'{where}")]
+        first = float(present[0]) if value is None and present.size else value
+        others = present[present != first]
+        if others.size:
+            values = f"first {first:.6g}, then {float(others[0]):.6g} {unit}".strip()
+            return [Entry(channel.name, "", f"{place} holds several values ({values})")]
+        value = first
+    return [] if value is None else [Entry(channel.name, f"{value!r} {unit}".strip(), place)]
 
 
 def _settled(spec: ConditionLike, entries: Sequence[Entry]) -> tuple[Entry, list[QualityFinding]]:

@@ -71,6 +71,8 @@ FAULTS = [
     ("experiment: spring.pull\nchannels:\n  force:\n", 3, "'channels.force' is empty; expected is 'key: value' lines"),
     ("experiment: spring.pull\nchannels:\n  force: {scale: 0}\n", 3, "a factor other than 0"),
     ("experiment: spring.pull\nchannels:\n  force: {scale: true}\n", 3, "'channels.force.scale' is true"),
+    ("experiment: spring.pull\nchannels:\n  force: {stamp: last}\n", 3, "'stamp' is for 'time' only"),
+    ("experiment: spring.pull\nchannels:\n  force: {rate: 5 kHz}\n", 3, "Write `time: {rate: 5 kHz}`"),
     ("experiment: spring.pull\nchannels:\n  force: {offset: 5 N}\n", 3, "expected is a number"),
     ("experiment: spring.pull\nchannels:\n  force: {scale: .inf}\n", 3, "'channels.force.scale' is inf"),
     ("experiment: spring.pull\nconditions:\n  wire_diameter: .nan\n", 3, "'conditions.wire_diameter' is nan"),

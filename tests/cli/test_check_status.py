@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -102,3 +103,51 @@ def test_logs_that_cannot_be_read_are_all_named(tmp_path: Path, rigfit: Call) ->
     assert "Run a is left out" in answer.out
     assert "4 more logs cannot be read either" in answer.out
     assert "b, c, d, e" in answer.out
+
+
+def two_files(folder: Path, bench: str, device: str, column: str = "") -> list[Path]:
+    """Write one run as two files; `column` stands beside the force in the second."""
+    rows = loop()
+    paths = [folder / "r1.bench.csv", folder / "r1.device.csv"]
+    lines = [f"{t:.9g},{x:.9g}" for t, x in rows[:, :2]]
+    paths[0].write_text("\n".join([bench + "time [s],displacement [m]", *lines]) + "\n")
+    name, values = (f",{column} [A]", [2.0 + 0.1 * (k % 2) for k in range(len(rows))]) if column else ("", [])
+    lines = [f"{t:.9g},{f:.9g}" + (f",{values[k]:.6g}" if column else "") for k, (t, f) in enumerate(rows[:, [0, 2]])]
+    paths[1].write_text("\n".join([device + f"time [s],force [N]{name}", *lines]) + "\n")
+    return paths
+
+
+def test_check_takes_the_conditions_of_two_files_as_run_does(tmp_path: Path, rigfit: Call) -> None:
+    paths = two_files(tmp_path, "# coil_current: 4 A\n", "# coil_current: 2 A\n# preload: 200 N\n")
+    checked = rigfit("check", "-e", "mre.shear", *paths).out
+    assert "coil_current: 4 A (from the log)" in checked
+    assert "preload: 200 N (from the log)" in checked
+    told = "coil_current is '4 A' by line 1 of r1.bench.csv but '2 A' by line 1 of r1.device.csv"
+    assert told in checked
+    assert rigfit("run", "mre.shear", *paths, "--out", tmp_path / "out").status == 0
+    [run] = json.loads((tmp_path / "out/findings.json").read_text())["runs"]
+    assert run["conditions"]["coil_current"] == 4.0
+    assert told in (tmp_path / "out/findings.json").read_text()
+
+
+def test_check_tells_contradicting_conditions_of_logs_that_cannot_be_used_too(tmp_path: Path, rigfit: Call) -> None:
+    paths = two_files(tmp_path, "# coil_current: 4 A\n", "# coil_current: 2 A\n", column="displacement")
+    checked = rigfit("check", "-e", "mre.shear", *paths)
+    assert checked.status == 2
+    assert "coil_current is '4 A' by line 1 of r1.bench.csv but '2 A'" in checked.out
+
+
+def test_check_asks_back_for_a_misspelt_condition(tmp_path: Path, rigfit: Call) -> None:
+    checked = rigfit("check", "-e", "mre.shear", *two_files(tmp_path, "# coil_curent: 2 A\n", "")).out
+    assert "'coil_curent' (2 A), which is no condition of this experiment" in checked
+    assert "Did you mean 'coil_current'?" in checked
+
+
+@pytest.mark.parametrize(("line", "level"), [("", "warning"), ("# coil_current: 2 A\n", "note")])
+def test_a_varying_column_with_the_name_of_a_condition_is_told(
+    tmp_path: Path, rigfit: Call, line: str, level: str
+) -> None:
+    checked = rigfit("check", "-e", "mre.shear", *two_files(tmp_path, line, "", column="coil_current")).out
+    told = next(ln for ln in checked.splitlines() if "the column 'coil_current' of r1.device.csv holds several" in ln)
+    assert told.startswith(level)
+    assert "first 2, then 2.1 A" in told
