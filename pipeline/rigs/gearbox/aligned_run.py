@@ -20,7 +20,7 @@ SLOW_RATE = 100.0
 
 
 @dataclass(frozen=True)
-class Offset:
+class ZeroOffset:
     """Zero offset of a torque channel, N m: value, standard error, degrees of freedom."""
 
     value: float = 0.0
@@ -59,14 +59,17 @@ class AlignedRun:
     stages: Mapping[str, Span]
     events: Mapping[str, float] = field(default_factory=dict)
     speed_nominal: float = np.nan
-    offset_in: Offset = field(default_factory=Offset)
-    offset_out: Offset = field(default_factory=Offset)
+    offset_in: ZeroOffset = field(default_factory=ZeroOffset)
+    offset_out: ZeroOffset = field(default_factory=ZeroOffset)
 
     @cached_property
     def slow(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Stamps and both torques as block means at about 100 Hz, shape (n',) each."""
-        step = float(np.median(np.diff(self.time)))
-        size = max(round(1 / (SLOW_RATE * step)), 1)
+        return self.means(SLOW_RATE)
+
+    def means(self, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return stamps and both torques as block means at about `rate` Hz, shape (n',) each."""
+        size = max(round(1 / (rate * float(np.median(np.diff(self.time))))), 1)
         kept = np.isfinite(self.torque_in) & np.isfinite(self.torque_out)
         time, torque_in = block_means(self.time[kept], self.torque_in[kept], size)
         return time, torque_in, block_means(self.time[kept], self.torque_out[kept], size)[1]

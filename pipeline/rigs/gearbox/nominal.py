@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.estimation.uncertainty import effective_size, t_quantile
-from pipeline.rigs.gearbox.aligned_run import Offset, Span, within
+from pipeline.rigs.gearbox.aligned_run import Span, ZeroOffset, within
 from pipeline.rigs.gearbox.ripple import columns
 
 # Batches for the truncation point are this long, s; a stage keeps at least half of its length.
@@ -84,7 +84,7 @@ def level(
     values: np.ndarray,
     span: Span,
     speed: float = 0.0,
-    offset: Offset | None = None,
+    offset: ZeroOffset | None = None,
     guard: float = 0.05,
 ) -> Level | None:
     """Average a signal over the settled part of a stage.
@@ -125,7 +125,7 @@ def level(
     count = effective_size(residual, 1)
     dof = max(count - fitted, 1.0)
     own = float(np.sqrt(np.mean(residual**2) / dof))
-    zero = offset or Offset()
+    zero = offset or ZeroOffset()
     total = math.hypot(own, zero.std_error)
     pooled = total**4 / (own**4 / dof + zero.std_error**4 / zero.dof) if total > 0 else dof
     return Level(mean, total, pooled, own, (float(t[0]), float(t[-1])), revolutions, (t[-1] - t[0]) / count)
