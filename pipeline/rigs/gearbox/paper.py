@@ -6,11 +6,11 @@ Every figure is computed from the torques and teeth that González-Cruz and Cecc
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.findings import Published
+from pipeline.rigs.gearbox.torque_map import Line, straight_line
 
 RPM = 2.0 * math.pi / 60.0
 SPEEDS = (120, 210)
@@ -31,38 +31,15 @@ _SHORT = ("in", "out")
 _WHERE = "sections 4, 5"
 
 
-@dataclass(frozen=True)
-class StraightLine:
-    """Least squares ``y = slope x + intercept``: standard errors, R2, largest residual."""
-
-    slope: float
-    intercept: float
-    slope_sd: float
-    intercept_sd: float
-    r2: float
-    largest: float
-
-
-def straight_line(x: np.ndarray, y: np.ndarray) -> StraightLine:
-    """Return the line through points of shape (n,), n > 2.
+def paper_line(*speeds: int) -> Line:
+    """Return the line through the paper's points (T_in, T_out) at these speeds, rpm.
 
     Examples
     --------
     >>> line = paper_line(120)
-    >>> round(line.slope, 4), round(line.intercept, 4), line.largest < 0.003
+    >>> round(line.slope, 4), round(line.intercept, 4), line.largest_residual < 0.003
     (0.5443, -0.2104, True)
     """
-    A = np.stack([x, np.ones_like(x)], axis=1)
-    p, *_ = np.linalg.lstsq(A, y, rcond=None)
-    residual = y - A @ p
-    covariance = residual @ residual / (x.size - 2) * np.linalg.inv(A.T @ A)
-    sd = np.sqrt(np.diag(covariance))
-    r2 = 1.0 - float(residual @ residual / ((y - y.mean()) ** 2).sum())
-    return StraightLine(float(p[0]), float(p[1]), float(sd[0]), float(sd[1]), r2, float(np.abs(residual).max()))
-
-
-def paper_line(*speeds: int) -> StraightLine:
-    """Return the line through the paper's points (T_in, T_out) at these speeds, rpm."""
     points = np.array([TORQUES[state][rpm] for rpm in speeds for state in TORQUES])
     return straight_line(points[:, 0], points[:, 1])
 
@@ -208,15 +185,15 @@ def _line() -> list[Published]:
     return [
         row(
             "the four states at 120 rpm lie on one line", None,
-            f"T_out = {own.slope:.4f} T_in - {-own.intercept:.4f} N m, residuals below {own.largest:.4f} N m", None,
+            f"T_out = {own.slope:.4f} T_in - {-own.intercept:.4f} N m, residuals below {own.largest_residual:.4f} N m", None,
             "two states are locked and turn, one is an event, one stands and slips: a rigid locked box with drag that "
             "depends on speed alone cannot do that. The paper does not notice",
         ),
         row(
             "all eight states on one line", None,
-            f"slope {both.slope:.3f} ± {both.slope_sd:.3f}, intercept {both.intercept:.3f} ± {both.intercept_sd:.3f} N m, "
+            f"slope {both.slope:.3f} ± {both.slope_error:.3f}, intercept {both.intercept:.3f} ± {both.intercept_error:.3f} N m, "
             f"R2 {both.r2:.3f}", None,
-            f"210 rpm alone: slope {fast.slope:.3f}, residuals up to {fast.largest:.2f} N m",
+            f"210 rpm alone: slope {fast.slope:.3f}, residuals up to {fast.largest_residual:.2f} N m",
         ),
         row(
             "slope of T_out over T_in within FOS", 1.0, slope, abs(slope - 1.0) < 0.05,
