@@ -1,0 +1,155 @@
+"""What follows from nominal and peak torques of one run: relief, excess, efficiency, heat, lock and slip torque (gearbox.md, 3.4, 4.2, 5.4).
+
+A zero offset is common to all torques of one sensor: it cancels in differences and not in ratios.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipeline.estimation.estimate import Estimate, estimate, undetermined
+from pipeline.rigs.gearbox.nominal import Level
+from pipeline.rigs.gearbox.peaks import Peak
+
+NO_OFFSET = "the zero offsets are unknown: the run has no standstill"
+
+
+@dataclass(frozen=True)
+class Torque:
+    """A torque of one sensor, N m: value, its own error (noise, ripple, bias of a maximum) and that of the common zero."""
+
+    value: float
+    own: float
+    zero: float
+    dof: float
+
+    @classmethod
+    def of_level(cls, level: Level | None, zero: float) -> Torque | None:
+        """Return a nominal torque; `zero` is the standard error of the zero offset, NaN where it is unknown."""
+        return None if level is None else cls(level.value, level.own_error, zero, level.dof)
+
+    @classmethod
+    def of_peak(cls, peak: Peak | None, zero: float) -> Torque | None:
+        """Return a peak torque; what noise adds to a maximum on average counts as an error."""
+        if peak is None:
+            return None
+        known = 0.0 if math.isnan(zero) else zero
+        noise = math.sqrt(max(peak.std_error**2 - known**2, 0.0))
+        return cls(peak.value, math.hypot(noise, peak.bias), zero, peak.dof)
+
+    @property
+    def std_error(self) -> float:
+        """Error of the value, the zero offset's included; NaN where that is unknown."""
+        return math.hypot(self.own, self.zero)
+
+
+def welch(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return the error of a sum and its degrees of freedom (Welch-Satterthwaite) from (error, dof) of the parts.
+
+    Examples
+    --------
+    >>> welch([(3.0, 4.0), (4.0, 4.0)])[0]
+    5.0
+    """
+    total = math.sqrt(sum(error**2 for error, _ in parts))
+    spread = sum(error**4 / dof for error, dof in parts if error > 0)
+    return total, total**4 / spread if spread > 0 else math.inf
+
+
+def difference(name: str, upper: Torque | None, lower: Torque | None, missing: str) -> Estimate:
+    """Return upper less lower of one sensor: its zero offset cancels."""
+    if upper is None or lower is None:
+        return undetermined(name, missing)
+    error, dof = welch([(upper.own, upper.dof), (lower.own, lower.dof)])
+    return estimate(name, upper.value - lower.value, error, dof=dof)
+
+
+def share(name: str, part: Torque | None, whole: Torque | None, missing: str, residual: bool) -> Estimate:
+    """Return part/whole of one sensor (`residual`), or one less it (relief)."""
+    if part is None or whole is None:
+        return undetermined(name, missing)
+    if math.isnan(part.zero):
+        return undetermined(name, NO_OFFSET)
+    if not whole.value > 0:
+        return undetermined(name, "the peak is not positive")
+    ratio = part.value / whole.value
+    common = part.zero * (1.0 - ratio) / whole.value
+    error, dof = welch(
+        [(part.own / whole.value, part.dof), (ratio * whole.own / whole.value, whole.dof), (common, part.dof)]
+    )
+    return estimate(name, ratio if residual else 1.0 - ratio, error, dof=dof)
+
+
+def ratio(name: str, output: Torque | None, source: Torque | None, missing: str) -> Estimate:
+    """Return the torque of the output sensor over that of the input sensor."""
+    if output is None or source is None:
+        return undetermined(name, missing)
+    if math.isnan(output.zero) or math.isnan(source.zero):
+        return undetermined(name, NO_OFFSET)
+    if not source.value > 0:
+        return undetermined(name, "the input torque is not positive")
+    value = output.value / source.value
+    error, dof = welch(
+        [(output.std_error / source.value, output.dof), (value * source.std_error / source.value, source.dof)]
+    )
+    return estimate(name, value, error, dof=dof)
+
+
+def power(name: str, torque: Torque | None, speed: float, speed_sd: float, missing: str) -> Estimate:
+    """Return torque times speed, W."""
+    if torque is None or not math.isfinite(speed):
+        return undetermined(name, missing)
+    if math.isnan(torque.zero):
+        return undetermined(name, NO_OFFSET)
+    error, dof = welch([(torque.std_error * speed, torque.dof), (torque.value * speed_sd, math.inf)])
+    return estimate(name, torque.value * speed, error, dof=dof)
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Slope a of output over input torque with its error and degrees of freedom."""
+
+    value: float
+    std_error: float
+    dof: float
+
+
+def drag_locked(fos_in: Torque | None, fos_out: Torque | None, slope: Slope | None) -> Estimate:
+    """Return T_0 = T_in - T_out/a of the locked gearbox, N m."""
+    name = "drag_locked"
+    if fos_in is None or fos_out is None:
+        return undetermined(name, "there is no settled FOS")
+    if slope is None:
+        return undetermined(name, "the slope a of the torque map is not known")
+    if math.isnan(fos_in.zero) or math.isnan(fos_out.zero):
+        return undetermined(name, NO_OFFSET)
+    error, dof = welch([(fos_in.std_error, fos_in.dof), *_reaction(fos_out, slope)])
+    return estimate(name, fos_in.value - fos_out.value / slope.value, error, dof=dof)
+
+
+def on_lock(
+    name: str, upper: Torque | None, fos_in: Torque | None, fos_out: Torque | None, slope: Slope | None, missing: str
+) -> Estimate:
+    """Return T_in - T_0 at the brake peak (lock torque) or in SOS (slip torque); where T_0 is unknown its limits are told."""
+    if upper is None:
+        return undetermined(name, missing)
+    if fos_in is None or fos_out is None:
+        return undetermined(name, "there is no settled FOS, so the drag T_0 is unknown")
+    if slope is None or math.isnan(fos_out.zero):
+        why = "the slope a of the torque map is not known" if slope is None else NO_OFFSET
+        low = upper.value - (fos_in.value - fos_out.value)
+        return undetermined(name, f"{why}; the drag T_0 lies between none and all of T_in - T_out in FOS, so the torque lies "
+                            f"between {low:.3f} and {upper.value:.3f} N m")  # fmt: skip
+    value = upper.value - fos_in.value + fos_out.value / slope.value
+    error, dof = welch([(upper.own, upper.dof), (fos_in.own, fos_in.dof), *_reaction(fos_out, slope)])
+    return estimate(name, value, error, dof=dof)
+
+
+def _reaction(fos_out: Torque, slope: Slope) -> list[tuple[float, float]]:
+    """Return the errors of T_out/a with their degrees of freedom."""
+    return [
+        (fos_out.std_error / slope.value, fos_out.dof),
+        (fos_out.value / slope.value**2 * slope.std_error, slope.dof),
+    ]
