@@ -1,0 +1,193 @@
+"""What a logged counter may be wrong in: wrap-around, spikes, jumps, direction, held values, dropouts.
+
+Arrays in counts only; the meaning of the motion is not looked at.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.rigs.gearbox.stages import Problem
+
+_MODULI = tuple(2.0**k for k in (8, 10, 12, 14, 15, 16, 20, 24, 31, 32)) + tuple(10.0**k for k in range(3, 8))
+# A step is a jump beyond this many times the step that 99 % stay below, plus a few counts.
+_JUMP, _SLACK = 4.0, 6.0
+# A stop is none where the shaft runs this close to top speed until the last and from the first count on.
+_SHARP, _BESIDE = 0.7, 5
+_LEAST_COHERENCE = 0.6
+
+
+def mended(time: np.ndarray, counts: np.ndarray, turn: float) -> tuple[np.ndarray, list[Problem]]:
+    """Return the counts without wrap-around, single spikes and jumps, and what was mended; shape (n,).
+
+    Parameters
+    ----------
+    time, counts
+        s and counts, shape (n,).
+    turn
+        Counts a turn: a counter may be reset by the index pulse.
+    """
+    counts = np.array(counts, dtype=float)
+    steps = np.diff(counts)
+    moving = np.abs(steps[steps != 0])
+    if not moving.size:
+        return counts, []
+    usual = np.percentile(moving, 90) if moving.size > 20 else moving.max()
+    limit = _JUMP * min(float(usual), 100 * float(np.median(moving))) + _SLACK
+    problems = []
+    spikes = np.flatnonzero(
+        (np.abs(steps[:-1]) > limit) & (np.abs(steps[1:]) > limit) & (np.abs(steps[:-1] + steps[1:]) <= limit)
+    )
+    for i in spikes + 1:
+        counts[i] = counts[i - 1]
+    if spikes.size:
+        text = f"{spikes.size} single encoder samples far off their neighbours are left out"
+        problems.append(Problem((float(time[spikes[0] + 1]), float(time[spikes[-1] + 1])), text))
+    steps = np.diff(counts)
+    typical = float(
+        np.median(
+            steps[(steps != 0) & (np.abs(steps) <= limit)],
+        )
+    )
+    wraps, jumps = [], []
+    for i in np.flatnonzero(np.abs(steps) > limit):
+        step = steps[i]
+        modulus = next((m for m in (*_MODULI, turn) if abs(abs(step) - m) <= limit and m > 2 * limit), None)
+        if modulus is not None and np.sign(step) != np.sign(typical):
+            steps[i] = step - np.sign(step) * modulus
+            wraps.append(i)
+            continue
+        # What a counter that was frozen meanwhile catches up is no jump: `dropouts` looks at it.
+        before = i
+        while before > 0 and steps[before - 1] == 0:
+            before -= 1
+        pause = (time[i + 1] - time[before]) / np.median(np.diff(time))
+        if np.sign(step) == np.sign(typical) and abs(step) <= 1.5 * pause * abs(typical) + limit:
+            continue
+        steps[i] = np.clip(typical, -limit, limit)
+        jumps.append(i)
+        problems.append(
+            Problem(
+                (float(time[i]), float(time[i + 1])), f"the encoder count jumps by {step:+.0f}; the jump is taken out"
+            )
+        )
+    if wraps:
+        text = f"the encoder counter wraps around {len(wraps)} times; undone"
+        problems.append(Problem((float(time[wraps[0]]), float(time[wraps[-1] + 1])), text, "note"))
+    return counts[0] + np.concatenate([[0.0], np.cumsum(steps)]), problems
+
+
+def direction(time: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, list[Problem]]:
+    """Return the counts so that they grow, from 0, and whether they were turned round."""
+    counts = counts - counts[0]
+    if counts[-1] >= 0:
+        return counts, []
+    text = "the encoder counts downwards; downwards is taken as the motor's direction"
+    return -counts, [Problem((float(time[0]), float(time[-1])), text, "note")]
+
+
+def held(time: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a counter that a faster clock sampled and held at its own update instants.
+
+    Between updates a held value lags behind the shaft by half an update on average, which makes an
+    inertia 0.5 to 1 % too small. The update period is that of the steps' instants; where the steps
+    have no common period they are those of single edges, and nothing is changed.
+
+    Parameters
+    ----------
+    time, counts
+        s and counts, shape (n,).
+
+    Returns
+    -------
+    time, counts
+        At the update instants, shape (m,); the arguments where nothing was held.
+    """
+    stepped = np.flatnonzero(np.diff(counts) != 0) + 1
+    span = float(time[-1] - time[0])
+    if stepped.size < 50 or stepped.size > 0.5 * time.size:
+        return time, counts
+    fast = span / (time.size - 1)
+    size = 4 << int(np.ceil(np.log2(time.size)))
+    indicator = np.zeros(size)
+    indicator[np.round((time[stepped] - time[0]) / fast).astype(int).clip(0, size - 1)] = 1.0
+    coherence = np.abs(np.fft.rfft(indicator)) / stepped.size
+    # Slow changes of the number of steps lie below; updates at least ten to a second.
+    lowest = int(10.0 * size * fast) + 1
+    if coherence[lowest:].max(initial=0.0) < _LEAST_COHERENCE:
+        return time, counts
+    line = lowest + int(np.argmax(coherence[lowest:] > 0.9 * coherence[lowest:].max()))
+    line += int(np.argmax(coherence[line : line + 8]))
+    period = size * fast / line
+    rank = np.round((time[stepped] - time[stepped[0]]) / period)
+    period, phase = np.polyfit(rank, time[stepped] - 0.5 * fast, 1)
+    if period < 1.5 * fast:
+        return time, counts
+    first, last = np.ceil((time[0] - phase) / period), np.floor((time[-1] - phase) / period)
+    own = phase + period * np.arange(first, last + 1)
+    index = np.searchsorted(time, own + 0.5 * period, side="right") - 1
+    return own, counts[index]
+
+
+def dropouts(
+    time: np.ndarray, counts: np.ndarray, top: float, still: float
+) -> tuple[np.ndarray, np.ndarray, list[Problem]]:
+    """Return the counts without the samples of a counter that froze or was silent, and when it did.
+
+    Parameters
+    ----------
+    time, counts
+        s and counts that grow, shape (n,).
+    top
+        Counts a second at top speed.
+    still
+        Time without a change that is no mere pause between counts, s.
+
+    Notes
+    -----
+    A shaft with a flywheel slows down before it stands. Full speed until the last count and from the
+    next one on is a counter that froze; behind it the counts are moved on by what the shaft turned.
+    """
+    if top <= 0:
+        return time, counts, []
+    kept, counts = np.full(time.size, True), counts.copy()
+    moved = np.flatnonzero(np.diff(counts) != 0)
+    ends = np.unique(np.concatenate([moved, np.flatnonzero(np.diff(time) > still)]))
+    marks = np.unique(np.concatenate([[0], ends, ends + 1, [time.size - 1]]))
+    problems = []
+    for first, last in zip(marks[:-1], marks[1:], strict=True):
+        pause = time[last] - time[first]
+        if pause <= still:
+            continue
+        silent = last == first + 1
+        before, after = _rate(time, counts, first, -1), _rate(time, counts, last + (not silent), 1)
+        resumed = last if silent else min(last + 1, time.size - 1)
+        beside = 0.5 * (before + after)
+        sharp = min(before, after) > _SHARP * top
+        if not (sharp or silent):
+            continue
+        pause = time[resumed] - time[first]
+        missing = beside * pause - (counts[resumed] - counts[first])
+        lost = abs(missing) > max(0.1 * beside * pause, 2.0)
+        if lost and sharp:
+            counts[resumed:] += np.round(missing)
+        kept[first + 1 : resumed] = False
+        what = "told nothing" if silent else "stood still"
+        text = f"the encoder {what} for {pause:.2f} s" + (
+            " while the shaft ran at full speed: a dropout, not a stop" if sharp else ""
+        )
+        text += f"; about {missing:.0f} counts are lost" if lost and sharp else ""
+        problems.append(Problem((float(time[first]), float(time[resumed])), text))
+    return time[kept], counts[kept], problems
+
+
+def _rate(time: np.ndarray, counts: np.ndarray, index: int, side: int) -> float:
+    """Return the counts a second over the few counts before (`side` -1) or behind `index`; 0 where there are none."""
+    goal = counts[index] + side * _BESIDE
+    if side < 0:
+        other = int(np.searchsorted(counts, goal, side="right")) - 1
+    else:
+        other = int(np.searchsorted(counts, goal))
+    if other < 0 or other >= time.size or other == index:
+        return 0.0
+    return float((counts[other] - counts[index]) / (time[other] - time[index]))

@@ -1,0 +1,126 @@
+"""Levels of the torques where the shaft stands or runs steadily: which standing shaft is held, which running one is loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.rigs.gearbox.motion import Span
+from pipeline.rigs.gearbox.record import Record, Signal
+from pipeline.rigs.gearbox.stages import Stage, StageName
+from pipeline.signals.periodogram import block_means
+
+_RATE = 100.0
+# Above this share of the way from the lowest to the highest level a standing shaft is held under torque.
+_LOADED = 0.25
+# Without mesh noise the input stands too: vibration above 20 Hz within this factor of that in FOS.
+_QUIET, _HIGH_PASS = 1.25, 0.05
+# A loaded stretch of FOS: torque above the unloaded level by this share and so many sigmas, so long (s).
+_STEP, _SIGMAS, _LONG, _BLOCK = 0.2, 6.0, 0.6, 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Torques averaged to 100 Hz, and how restless the vibration is; shape (n,) and (m,)."""
+
+    time: np.ndarray
+    torque_in: np.ndarray
+    torque_out: np.ndarray
+    vibration: Signal | None
+
+    def of(self, span: Span | Stage, trim: float = 0.2) -> float:
+        """Return the median input torque of the middle of a span, N m; NaN where there is none."""
+        cut = min(trim * (span.end - span.start), 0.5)
+        inside = self.torque_in[(self.time >= span.start + cut) & (self.time <= span.end - cut)]
+        return float(np.median(inside)) if inside.size else float("nan")
+
+    def scale(self, spans: Sequence[Span]) -> tuple[float, float]:
+        """Return the level of a standstill and the way up to the highest steady level, N m (signed)."""
+        standing = [level for s in spans if s.state == "zero" and np.isfinite(level := self.of(s))]
+        running = float(np.median([level for s in spans if s.state == "nominal" and np.isfinite(level := self.of(s))]))
+        base = min(standing, key=abs, default=0.0)
+        if abs(base) > 0.5 * abs(running):  # no standstill among them
+            base = 0.0
+        return base, max((*standing, running), key=lambda level: abs(level - base)) - base
+
+    def standing(self, span: Span, scale: tuple[float, float]) -> StageName:
+        """Tell whether a shaft that stands is at rest, held with slipping gears, or stalled with the motor."""
+        base, way = scale
+        if not (self.of(span) - base) / way > _LOADED:
+            return "standstill"
+        return "stall" if self._quiet(span) else "sos"
+
+    def _quiet(self, span: Span) -> bool:
+        return self.vibration is not None and self.restless(span.start, span.end) < _QUIET
+
+    def restless(self, start: float, end: float) -> float:
+        """Return the vibration's fast part over that of the quietest second of the run; NaN where there is none."""
+        if self.vibration is None:
+            return float("nan")
+        cut = min(0.2 * (end - start), 0.5)
+        inside = (self.vibration.time >= start + cut) & (self.vibration.time <= end - cut)
+        ratios = [float(np.median(values[inside])) for values in self.vibration.values.values() if inside.any()]
+        return max(ratios, default=float("nan"))
+
+
+def levels_of(record: Record) -> Levels:
+    """Return the block means of the torques and the restlessness of the vibration."""
+    size = max(round(record.torque.rate / _RATE), 1)
+    time, torque_in = block_means(record.torque.time, record.torque["torque_in"], size)
+    _, torque_out = block_means(record.torque.time, record.torque["torque_out"], size)
+    return Levels(time, torque_in, torque_out, None if record.vibration is None else restlessness(record.vibration))
+
+
+def restlessness(vibration: Signal, block: float = _HIGH_PASS) -> Signal:
+    """Return the rms of sample-to-sample differences in blocks of `block` s, over that of the quiet tenth of the run.
+
+    Differences let shaft orders of a few hertz through at a hundredth only, mesh tones of 20 Hz and more
+    and their noise in full.
+    """
+    size = max(round(vibration.rate * block), 4)
+    out = {}
+    time = vibration.time[1:]
+    for name, values in vibration.values.items():
+        at, power = block_means(time, np.diff(values) ** 2, size)
+        rms = np.sqrt(power)
+        floor = float(np.percentile(rms, 10))
+        if floor > 0:
+            out[name] = rms / floor
+    return Signal(at, out)
+
+
+def loaded_spans(record: Record, span: Span, name: StageName) -> list[Stage]:
+    """Split a run at nominal speed where both torques are stepped up: ``fos_loaded`` between stretches of `name`."""
+    part = record.torque.part(span.start, span.end)
+    size = max(round(part.rate * _BLOCK), 1) if part.time.size > 2 else 1
+    if part.time.size < 8 * size:
+        return [Stage(name, span.start, span.end)]
+    time, levels = part.time, []
+    for channel in ("torque_in", "torque_out"):
+        time, blocks = block_means(part.time, part[channel], size)
+        low = float(np.percentile(blocks, 25))
+        sigma = 1.4826 * float(np.median(np.abs(np.diff(blocks)))) / np.sqrt(2)
+        levels.append(blocks - low > max(_STEP * abs(low), _SIGMAS * sigma))
+    loaded = levels[0] & levels[1]
+    bounds = np.flatnonzero(np.diff(loaded)) + 1
+    starts = np.concatenate([[0], bounds])
+    ends = np.concatenate([bounds, [loaded.size]])
+    marks: list[tuple[float, float]] = [
+        (time[a] - 0.5 * _BLOCK, time[b - 1] + 0.5 * _BLOCK)
+        for a, b in zip(starts, ends, strict=True)
+        if loaded[a] and (b - a) * _BLOCK >= _LONG
+    ]
+    stages, since = [], span.start
+    for start, end in marks:
+        start, end = max(start, span.start), min(end, span.end)
+        if start > since + _LONG:
+            stages.append(Stage(name, since, start))
+        else:
+            start = since
+        stages.append(Stage("fos_loaded", start, end))
+        since = end
+    if span.end > since + 1e-9:
+        stages.append(Stage(name, since, span.end))
+    return stages

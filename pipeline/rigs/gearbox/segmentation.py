@@ -1,0 +1,139 @@
+"""The stages of a run, without labels: what the shaft does, read by the torque that goes with it (gearbox.md, 5.1).
+
+A standing shaft is a standstill or SOS, which only the input torque tells apart; a running one is FOS with
+or without load. A sequence that breaks the grammar of the test is told with its times, never forced.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.rigs.gearbox.counts import Counts, counts_of
+from pipeline.rigs.gearbox.events import cycle_events, rundown_event, startup_event
+from pipeline.rigs.gearbox.grammar import off_protocol
+from pipeline.rigs.gearbox.levels import Levels, levels_of, loaded_spans
+from pipeline.rigs.gearbox.motion import Span, spans_of
+from pipeline.rigs.gearbox.record import Record
+from pipeline.rigs.gearbox.stages import EventName, EventTime, Problem, Segmentation, Stage, StageName
+
+
+def segment(record: Record) -> Segmentation:
+    """Return the stages and events of a run whose boards are on one clock.
+
+    Parameters
+    ----------
+    record
+        As `alignment.align` returns it.
+
+    Returns
+    -------
+    What could be told; a run that does not follow the protocol comes with problems and fewer stages.
+    """
+    counts = counts_of(record)
+    spans, nominal = spans_of(counts)
+    if not any(span.state == "nominal" for span in spans):
+        return Segmentation((), {}, False, (*counts.problems, _never_turns(counts)), nominal)
+    levels = levels_of(record)
+    rough, problems = rough_stages(record, spans, levels)
+    stages, cycles = _refined(record, counts, rough)
+    found = {
+        **startup_event(counts, stages),
+        **(cycles[0] if cycles else {}),
+        **rundown_event(counts, stages, nominal),
+    }
+    stages = _with_ends(stages, found)
+    protocol, complete = off_protocol(stages)
+    order = sorted((*counts.problems, *problems, *protocol), key=lambda problem: problem.span)
+    return Segmentation(tuple(stages), found, complete, tuple(order), nominal, tuple(cycles))
+
+
+def _never_turns(counts: Counts) -> Problem:
+    span = (float(counts.time[0]), float(counts.time[-1]))
+    text = "the output shaft never runs at a steady speed: there is no start-up and no FOS to read"
+    return Problem(span, text, "error")
+
+
+def rough_stages(record: Record, spans: list[Span], levels: Levels) -> tuple[list[Stage], list[Problem]]:
+    """Return the stages as the motion bounds them, and what fits none."""
+    stages: list[Stage] = []
+    problems: list[Problem] = []
+    slipped = False
+    load = levels.scale(spans)
+    for i, span in enumerate(spans):
+        before, after = (spans[i - 1] if i else None), (spans[i + 1] if i + 1 < len(spans) else None)
+        if span.state == "zero":
+            name: StageName | None = levels.standing(span, load)
+            slipped = slipped or name == "sos"
+        elif span.state == "nominal":
+            name = "fos_after" if slipped else "fos"
+        else:
+            held = before is not None and before.state == "zero" and levels.standing(before, load) != "standstill"
+            stops = after is not None and after.state == "zero" and levels.standing(after, load) != "standstill"
+            name = _moving(before, after, held, stops)
+        if name is None:
+            text = f"the output shaft left its nominal speed without a stop ({span.speed:.3g} rad/s)"
+            if before is not None and before.state == "zero":
+                text = f"the output shaft moved ({span.speed:.3g} rad/s) without reaching a steady speed"
+            problems.append(Problem((span.start, span.end), text))
+        elif span.state == "nominal":
+            stages += loaded_spans(record, span, name)
+        else:
+            stages.append(Stage(name, span.start, span.end))
+    return stages, problems
+
+
+def _moving(before: Span | None, after: Span | None, held: bool, stops: bool) -> StageName | None:
+    """Return what a shaft does that moves between two spans; `held`, `stops`: it stood, will stand, under torque."""
+    if before is None:
+        return "startup" if after is not None and after.state == "nominal" else None
+    if before.state == "zero":
+        if after is not None and after.state == "nominal":
+            return "release" if held else "startup"
+        return "rundown" if held else None
+    if stops:
+        return "brake"
+    return "rundown" if after is None or after.state == "zero" else None
+
+
+def _refined(
+    record: Record, counts: Counts, rough: list[Stage]
+) -> tuple[list[Stage], list[dict[EventName, EventTime]]]:
+    """Move the bounds of every brake cycle to its events; a brake shorter than the speed's window is put in."""
+    stages, cycles = list(rough), []
+    for sos in [stage for stage in rough if stage.name == "sos"]:
+        events = cycle_events(record, counts, rough, sos)
+        cycles.append(events)
+        i = next(k for k, stage in enumerate(stages) if abs(stage.start - sos.start) < 1e-9 and stage.name == "sos")
+        start, end = events["sos_start"].time, events["sos_end"].time if "sos_end" in events else sos.end
+        stages[i] = Stage("sos", start, end)
+        if "brake_onset" in events:
+            onset = events["brake_onset"].time
+            earlier = [stage for stage in stages[:i] if stage.name != "brake" or stage.end < onset]
+            earlier = [stage if stage.end <= onset else replace(stage, end=onset) for stage in earlier]
+            if earlier and earlier[-1].name.startswith("fos"):
+                earlier[-1] = replace(earlier[-1], end=onset)
+            stages = [*(s for s in earlier if s.duration > 0), Stage("brake", onset, start), *stages[i:]]
+            i = next(k for k, stage in enumerate(stages) if stage.name == "sos" and stage.start == start)
+        if "relock" in events:
+            relock = events["relock"].time
+            later = [stage for stage in stages[i + 1 :] if stage.name != "release" or stage.start > relock]
+            if later and later[0].name.startswith("fos"):
+                later[0] = replace(later[0], start=relock)
+            stages = [*stages[: i + 1], Stage("release", end, relock), *later]
+    return stages, cycles
+
+
+def _with_ends(stages: list[Stage], events: dict[EventName, EventTime]) -> list[Stage]:
+    """Move the begin of the start-up and of the run-down to their events."""
+    out = list(stages)
+    for name in ("startup", "rundown"):
+        if name not in events:
+            continue
+        i = next(k for k, stage in enumerate(out) if stage.name == name)
+        time = events[name].time
+        out[i] = replace(out[i], start=time)
+        if i and out[i - 1].start < time:
+            out[i - 1] = replace(out[i - 1], end=time)
+    return out
