@@ -35,15 +35,10 @@ def set_speed(truth: GearboxTruth, speed: float, time: np.ndarray) -> np.ndarray
 
 
 def brake(truth: GearboxTruth, time: np.ndarray) -> np.ndarray:
-    """Return the brake's capacity, N m."""
-    on = _smooth((time - truth.brake_on) / truth.brake_rise)
-    off = _smooth((time - truth.brake_off) / truth.brake_fall)
+    """Return the brake's capacity, N m: it rises and falls in a straight line."""
+    on = np.clip((time - truth.brake_on) / truth.brake_rise, 0.0, 1.0)
+    off = np.clip((time - truth.brake_off) / truth.brake_fall, 0.0, 1.0)
     return np.asarray(truth.brake_capacity * (on - off))
-
-
-def _smooth(x: np.ndarray) -> np.ndarray:
-    x = np.clip(x, 0.0, 1.0)
-    return np.asarray(x * x * (3.0 - 2.0 * x))
 
 
 def run_motion(truth: GearboxTruth, speed: float, lock_factor: float = 1.0) -> Motion:
