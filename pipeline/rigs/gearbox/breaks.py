@@ -30,6 +30,16 @@ def parabola_before(late: np.ndarray) -> np.ndarray:
     return np.minimum(late, 0.0) ** 2
 
 
+def cubic(late: np.ndarray) -> np.ndarray:
+    """Zero before the break, rising with the third power of time after it."""
+    return np.maximum(late, 0.0) ** 3
+
+
+def ramp_before(late: np.ndarray) -> np.ndarray:
+    """Falling or rising in proportion to time up to the break, zero after it."""
+    return np.minimum(late, 0.0)
+
+
 def step(late: np.ndarray) -> np.ndarray:
     """Zero before the break and one after it."""
     return (late > 0.0).astype(float)
@@ -41,6 +51,7 @@ def find_break(
     columns: Sequence[np.ndarray],
     shapes: Sequence[Shape],
     within: tuple[float, float],
+    noise: float = 0.0,
 ) -> tuple[EventTime, np.ndarray]:
     """Return the break time t_0 at which ``values = columns c + shapes(t - t_0) d`` fits best.
 
@@ -54,6 +65,8 @@ def find_break(
         What the break adds.
     within
         First and last candidate, s.
+    noise
+        Standard deviation that the values have at the least (quantisation).
 
     Returns
     -------
@@ -77,7 +90,7 @@ def find_break(
         low, high = candidates[max(best - 2, 0)], candidates[min(best + 2, _STEPS - 1)]
     t0 = float(candidates[best])
     dof = max(time.size - base.shape[1] - len(shapes) - 1, 1)
-    variance = float(squares[best]) / dof
+    variance = max(float(squares[best]) / dof, noise**2)
     # The curvature over a shift that costs several times the noise, so that single samples do not count.
     sd = _width(t0, variance, float(squares[best]), within, lambda t: _unexplained(time - t, rest, base, shapes))
     return EventTime(t0, sd), np.array([without, squares[best]])

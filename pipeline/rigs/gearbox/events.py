@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.rigs.gearbox.breaks import find_break, parabola, parabola_before, ramp
+from pipeline.rigs.gearbox.breaks import Shape, cubic, find_break, parabola, parabola_before, ramp, ramp_before, step
 from pipeline.rigs.gearbox.counts import Counts, edges
 from pipeline.rigs.gearbox.record import Record
 from pipeline.rigs.gearbox.stages import EventName, EventTime, Stage
@@ -17,6 +17,10 @@ from pipeline.signals.periodogram import block_means
 PEAK_CUTOFF = 20.0
 """Cutoff of the low-pass under which the torque's peak is read, Hz."""
 
+# A start is looked for this far ahead of the first count, s.
+_REACH = 0.5
+# A fall of the torque is clear that takes this many variances away.
+_CLEAR = 40.0
 Found = dict[EventName, EventTime]
 
 
@@ -56,46 +60,44 @@ def cycle_events(record: Record, counts: Counts, stages: Sequence[Stage], sos: S
     if i + 1 < len(stages):
         found["sos_end"] = _starts(counts, sos.end, 0.25)
         if after and after[0].name.startswith("fos"):
-            found["relock"] = _relock(counts, found["sos_end"].time, after[0])
+            found["relock"] = _relock(record, counts, found["sos_end"].time, after[0])
     return found
 
 
 def _starts(counts: Counts, end: float, window: float) -> EventTime:
-    """Return when the shaft began to turn: the vertex of a parabola through its first counts."""
+    """Return when a standing shaft began to turn, from its first counts; `window` s of them are used."""
     at, _ = edges(counts)
-    first = float(at[min(np.searchsorted(at, end - 1e-6), at.size - 1)])
-    last = max(first + window, float(at[min(np.searchsorted(at, first) + 5, at.size - 1)]))
-    return _vertex(counts, first, (first, last), (first - counts.still - 0.5, first))
+    k = min(int(np.searchsorted(at, end - 1e-6)), at.size - 1)
+    first, last = float(at[k]), float(at[min(k + 5, at.size - 1)])
+    fitted = (first, max(first + window, last))
+    return _standing_end(counts, fitted, (first - _REACH, first), first - _REACH, (parabola, cubic))
 
 
 def _stops(counts: Counts, start: float) -> EventTime:
-    """Return when the shaft stood: the vertex of a parabola through its last counts."""
+    """Return when the shaft stood, from its last counts: the same as a start, backwards."""
     at, _ = edges(counts)
     k = max(int(np.searchsorted(at, start + 1e-6)) - 1, 0)
-    last = float(at[k])
-    first = min(last - 0.12, float(at[max(k - 5, 0)]))
-    return _vertex(counts, last, (first, last), (last, last + counts.still))
+    last, first = float(at[k]), float(at[max(k - 5, 0)])
+    fitted = (min(last - 0.12, first), last)
+    return _standing_end(counts, fitted, (last, last + counts.still), last + counts.still, (parabola_before,))
 
 
-def _vertex(counts: Counts, edge: float, fitted: tuple[float, float], within: tuple[float, float]) -> EventTime:
-    inside = (counts.time >= fitted[0]) & (counts.time <= fitted[1])
-    t = counts.time[inside] - edge
+def _standing_end(
+    counts: Counts, fitted: tuple[float, float], within: tuple[float, float], stands: float, shapes: Sequence[Shape]
+) -> EventTime:
+    """Return when a stand ends, or begins, from the moving samples of `fitted` and one of the stand, at `stands`.
+
+    All samples of a stand have the same error, half a count at the most: they count as one.
+    """
+    t, angle = _angle(counts, fitted)
+    still = float(np.interp(stands, counts.time, counts.angle))
+    t, angle = np.append(t, stands), np.append(angle, still)
+    edge = fitted[0] if stands < fitted[0] else fitted[1]
     sampling = float(np.median(np.diff(counts.time)))
-    fallback = EventTime(edge, 0.25 * counts.still + sampling)
-    if t.size < 5:
-        return fallback
-    A = np.vander(t, 3)
-    (c, b, _), *_ = np.linalg.lstsq(A, counts.angle[inside], rcond=None)
-    if c == 0.0 or not within[0] <= edge - b / (2 * c) <= within[1]:
-        return fallback
-    noise = max(
-        counts.step / math.sqrt(12),
-        float(np.std(A @ np.linalg.lstsq(A, counts.angle[inside], rcond=None)[0] - counts.angle[inside])),
-    )
-    covariance = noise**2 * np.linalg.inv(A.T @ A)
-    gradient = np.array([b / (2 * c * c), -1 / (2 * c), 0.0])
-    sd = math.sqrt(float(gradient @ covariance @ gradient))
-    return EventTime(edge - float(b / (2 * c)), math.hypot(sd, 0.5 * sampling))
+    if t.size < 6:
+        return EventTime(edge, 0.25 * counts.still + sampling)
+    found, _ = find_break(t, angle, [np.ones_like(t)], shapes, within, counts.step / math.sqrt(12))
+    return EventTime(found.time, math.hypot(found.sd, 0.5 * sampling))
 
 
 def _kink(counts: Counts, near: float, after: float, before: float) -> EventTime:
@@ -106,15 +108,33 @@ def _kink(counts: Counts, near: float, after: float, before: float) -> EventTime
     return found
 
 
-def _relock(counts: Counts, free: float, fos: Stage) -> EventTime:
-    """Return when an accelerating shaft reaches its steady speed: where the angle runs into a straight line."""
-    rise = fos.start - free
-    span = (free + 0.4 * rise, min(fos.start + max(0.5 * rise, 0.4), fos.end))
+def _relock(record: Record, counts: Counts, free: float, fos: Stage) -> EventTime:
+    """Return when the gears lock again: the speed bends from rising to steady, and the torque falls.
+
+    The bend of the speed is sure and blunt, the fall of the torque sharp where there is one.
+    """
+    near = fos.start
+    span = (max(free + 0.05, near - 0.45), min(near + 0.5, fos.end))
     t, angle = _angle(counts, span)
-    columns = [np.ones_like(t), t - fos.start]
-    within = (span[0] + 0.1, min(fos.start + 0.2, span[1] - 0.1))
-    found, _ = find_break(t, angle, columns, [parabola_before], within)
-    return found
+    within = (span[0] + 0.1, min(near + 0.2, span[1] - 0.1))
+    blunt, _ = find_break(t, angle, [np.ones_like(t), t - near], [parabola_before], within)
+    part = record.torque.part(max(free + 0.05, blunt.time - 0.4), min(blunt.time + 1.2, fos.end))
+    block = max(round(0.005 * part.rate), 1)
+    time, level = block_means(part.time, part["torque_in"], block)
+    turned = counts.at(time)
+    known = np.isfinite(turned)
+    time, level, turned = time[known], level[known], turned[known]
+    if time.size < 60:
+        return blunt
+    within = (max(time[0] + 0.1, blunt.time - 0.2), min(time[-1] - 0.1, blunt.time + 0.2))
+    sharp, (without, with_step) = find_break(time, level, _ripple(turned), [step, ramp_before], within)
+    clear = without - with_step > _CLEAR * with_step / time.size
+    return EventTime(sharp.time, math.hypot(sharp.sd, 0.5 * block / part.rate)) if clear else blunt
+
+
+def _ripple(turned: np.ndarray) -> list[np.ndarray]:
+    """Return a constant and the first two shaft orders over the angle."""
+    return [np.ones_like(turned)] + [f(k * turned) for k in (1, 2) for f in (np.cos, np.sin)]
 
 
 def _angle(counts: Counts, span: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -145,7 +165,6 @@ def _brake(record: Record, counts: Counts, fos: Stage, stop: float) -> Found:
     time, level, turned = time[known], level[known], turned[known]
     if time.size < 30:
         return found
-    ripple = [np.ones_like(time)] + [f(k * turned) for k in (1, 2) for f in (np.cos, np.sin)]
-    onset, _ = find_break(time, level, ripple, [ramp], (max(time[0] + 0.1, unlock - 1.0), float(time[-1])))
+    onset, _ = find_break(time, level, _ripple(turned), [ramp], (max(time[0] + 0.1, unlock - 1.0), float(time[-1])))
     found["brake_onset"] = EventTime(onset.time, math.hypot(onset.sd, 0.5 * block / torque.rate))
     return found

@@ -82,7 +82,7 @@ def _joined(
                 continue
             short = end - start < _SHORTEST
             dip = state == 1 and before == after == 2 and _least(time, speed, start, end) > (1 - _DROOP) * nominal
-            if short and before == after and before is not None or dip:
+            if dip or (short and before == after and before is not None):
                 new = 2 if dip else before
             elif short and state == 2 and 1 in (before, after):
                 new = 1

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from pipeline.rigs.gearbox.counts import Counts, counts_of
 from pipeline.rigs.gearbox.events import cycle_events, rundown_event, startup_event
 from pipeline.rigs.gearbox.grammar import off_protocol
