@@ -129,22 +129,44 @@ def drag_locked(fos_in: Torque | None, fos_out: Torque | None, slope: Slope | No
     return estimate(name, fos_in.value - fos_out.value / slope.value, error, dof=dof)
 
 
-def on_lock(
-    name: str, upper: Torque | None, fos_in: Torque | None, fos_out: Torque | None, slope: Slope | None, missing: str
-) -> Estimate:
-    """Return T_in - T_0 at the brake peak (lock torque) or in SOS (slip torque); where T_0 is unknown its limits are told."""
-    if upper is None:
-        return undetermined(name, missing)
-    if fos_in is None or fos_out is None:
-        return undetermined(name, "there is no settled FOS, so the drag T_0 is unknown")
-    if slope is None or math.isnan(fos_out.zero):
-        why = "the slope a of the torque map is not known" if slope is None else NO_OFFSET
-        low = upper.value - (fos_in.value - fos_out.value)
-        return undetermined(name, f"{why}; the drag T_0 lies between none and all of T_in - T_out in FOS, so the torque lies "
-                            f"between {low:.3f} and {upper.value:.3f} N m")  # fmt: skip
-    value = upper.value - fos_in.value + fos_out.value / slope.value
-    error, dof = welch([(upper.own, upper.dof), (fos_in.own, fos_in.dof), *_reaction(fos_out, slope)])
+def lock_torque(peak: Torque | None, fos_in: Torque | None, fos_out: Torque | None, slope: Slope | None) -> Estimate:
+    """Return T_in - T_0 at the brake peak; where T_0 is unknown the limits are told."""
+    name = "lock_torque"
+    if peak is None:
+        return undetermined(name, "the lock was not broken by the brake")
+    reason = _no_drag(peak, fos_in, fos_out, slope)
+    if reason or fos_in is None or fos_out is None or slope is None:
+        return undetermined(name, reason)
+    value = peak.value - fos_in.value + fos_out.value / slope.value
+    error, dof = welch([(peak.own, peak.dof), (fos_in.own, fos_in.dof), *_reaction(fos_out, slope)])
     return estimate(name, value, error, dof=dof)
+
+
+def slip_torque(
+    sos_in: Torque | None, sos_out: Torque | None, fos_in: Torque | None, fos_out: Torque | None, slope: Slope | None
+) -> Estimate:
+    """Return T_out/a with the output held (eq. C at rest): it needs no drag, which slipping may change."""
+    name = "slip_torque"
+    if sos_in is None or sos_out is None:
+        return undetermined(name, "there is no settled SOS")
+    if slope is None or math.isnan(sos_out.zero):
+        return undetermined(name, _no_drag(sos_in, fos_in, fos_out, slope) or NO_OFFSET)
+    error, dof = welch(_reaction(sos_out, slope))
+    return estimate(name, sos_out.value / slope.value, error, dof=dof)
+
+
+def _no_drag(upper: Torque, fos_in: Torque | None, fos_out: Torque | None, slope: Slope | None) -> str:
+    """Say why T_0 is unknown, and between what limits the torque on the lock lies then."""
+    if fos_in is None or fos_out is None:
+        return "there is no settled FOS, so the drag T_0 is unknown"
+    if slope is not None and not math.isnan(fos_out.zero):
+        return ""
+    why = "the slope a of the torque map is not known" if slope is None else NO_OFFSET
+    low = upper.value - (fos_in.value - fos_out.value)
+    return (
+        f"{why}; the drag T_0 lies between none and all of T_in - T_out in FOS, so the torque lies between {low:.3f} and "
+        f"{upper.value:.3f} N m"
+    )
 
 
 def _reaction(fos_out: Torque, slope: Slope) -> list[tuple[float, float]]:

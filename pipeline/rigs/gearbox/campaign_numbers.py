@@ -1,0 +1,120 @@
+"""What all runs together tell: slope of the torque map, load inertia and drag, drag and slip torque over speed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.estimation.estimate import Estimate
+from pipeline.rigs.gearbox.derived import Slope, drag_locked, lock_torque, slip_torque
+from pipeline.rigs.gearbox.friction_fit import Curve, drag_curve, shared_covariance, slip_line
+from pipeline.rigs.gearbox.inertia import LoadFit, load_parameters
+from pipeline.rigs.gearbox.run_numbers import RunNumbers
+from pipeline.rigs.gearbox.torque_map import Transfer, pooled
+
+PHASES = ("startup", "brake", "steady")
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignNumbers:
+    """What the runs share.
+
+    Attributes
+    ----------
+    runs
+        One entry a run, in the order of the campaign.
+    transfer
+        The brake rises of all runs together; `phases` those of each phase.
+    load
+        J_L, d0, d1 of all runs together.
+    drag, lock, slip
+        T_0, M_lock, M_slip of each run, by name.
+    drag_law, slip_law
+        Their course over speed, None where there are too few speeds.
+    """
+
+    runs: Sequence[RunNumbers]
+    transfer: Transfer | None
+    phases: Mapping[str, Transfer]
+    load: LoadFit | None
+    drag: Mapping[str, Estimate]
+    lock: Mapping[str, Estimate]
+    slip: Mapping[str, Estimate]
+    drag_law: Curve | None
+    slip_law: Curve | None
+
+    @property
+    def slope(self) -> Slope | None:
+        """The slope a that turns output torques into torques at the lock."""
+        return _slope(self.transfer)
+
+    @property
+    def speeds(self) -> dict[float, list[str]]:
+        """Names of the runs at each speed (rad/s, four digits)."""
+        found: dict[float, list[str]] = {}
+        for run in self.runs:
+            if math.isfinite(run.speed):
+                found.setdefault(float(f"{run.speed:.4g}"), []).append(run.name)
+        return dict(sorted(found.items()))
+
+
+def campaign_of(runs: Sequence[RunNumbers]) -> CampaignNumbers:
+    """Return what the runs share."""
+    phases = {}
+    for phase in PHASES:
+        together = pooled([run.transfers[phase] for run in runs if phase in run.transfers], phase)
+        if together is not None:
+            phases[phase] = together
+    transfer = phases.get("brake")
+    slope = _slope(transfer)
+    windows = [run.windows for run in runs if run.windows is not None]
+    drag, lock, slip = {}, {}, {}
+    for run in runs:
+        fos_in, fos_out = run.level("torque_in", "fos"), run.level("torque_out", "fos")
+        sos_in, sos_out = run.level("torque_in", "sos"), run.level("torque_out", "sos")
+        drag[run.name] = drag_locked(fos_in, fos_out, slope)
+        lock[run.name] = lock_torque(run.peak("torque_in", "brake"), fos_in, fos_out, slope)
+        slip[run.name] = slip_torque(sos_in, sos_out, fos_in, fos_out, slope)
+    return CampaignNumbers(
+        runs, transfer, phases, load_parameters(windows) if windows else None, drag, lock, slip,
+        _drag_law(runs, drag, slope), _slip_law(runs, slip, slope),
+    )  # fmt: skip
+
+
+def _slope(transfer: Transfer | None) -> Slope | None:
+    return None if transfer is None else Slope(transfer.slope, transfer.slope_error, transfer.dof)
+
+
+def _drag_law(runs: Sequence[RunNumbers], drag: Mapping[str, Estimate], slope: Slope | None) -> Curve | None:
+    rows = [
+        (run.speed_out[0], found.value, math.hypot(t_in.std_error, t_out.std_error / slope.value), t_out.value)
+        for run in runs
+        if (found := drag[run.name]).value is not None
+        and slope is not None
+        and math.isfinite(run.speed_out[0])
+        and (t_in := run.level("torque_in", "fos")) is not None
+        and (t_out := run.level("torque_out", "fos")) is not None
+    ]
+    if not rows or slope is None:
+        return None
+    speed, value, own, t_out = np.array(rows, dtype=float).T
+    return drag_curve(speed, value, shared_covariance(own, t_out, slope.value, slope.std_error))
+
+
+def _slip_law(runs: Sequence[RunNumbers], slip: Mapping[str, Estimate], slope: Slope | None) -> Curve | None:
+    rows = [
+        (run.speed_in.value, found.value, t_out.std_error / slope.value, t_out.value)
+        for run in runs
+        if (found := slip[run.name]).value is not None
+        and slope is not None
+        and run.speed_in is not None
+        and run.speed_in.source != "nominal"
+        and (t_out := run.level("torque_out", "sos")) is not None
+    ]
+    if len(rows) < 2 or slope is None:
+        return None
+    speed, value, own, t_out = np.array(rows, dtype=float).T
+    return slip_line(speed, value, shared_covariance(own, t_out, slope.value, slope.std_error))
