@@ -76,7 +76,7 @@ class AlignedRun:
 
     def angle_at(self, time: np.ndarray) -> np.ndarray:
         """Return the output shaft's angle at `time`, rad, same shape; held beyond the ends."""
-        return np.interp(time, self.angle_time, self.angle)
+        return np.asarray(np.interp(time, self.angle_time, self.angle))
 
     def has(self, *stages: str) -> bool:
         """Tell whether all these stages were found."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.estimation.uncertainty import Covariance
 from pipeline.rigs.gearbox.aligned_run import AlignedRun, Span, within
-from pipeline.rigs.gearbox.ripple import NONE, learn
+from pipeline.rigs.gearbox.ripple import learn
 
 NAMES = ("inertia_load", "drag_coulomb", "drag_viscous")
 
@@ -75,7 +75,8 @@ class Windows:
         """Return the covariance of `torque`, shape (n, n): stationary noise and the common offset."""
         lag = np.abs(self.place[:, None] - self.place[None, :])
         table = np.append(self.noise, 0.0)
-        return table[np.minimum(lag, self.noise.size)] + (self.offset_error * _MEAN * _WINDOW) ** 2
+        common = (self.offset_error * _MEAN * _WINDOW) ** 2
+        return np.asarray(table[np.minimum(lag, self.noise.size)] + common)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,10 +136,10 @@ def modulated(run: AlignedRun, steady: Sequence[Span]) -> Windows | None:
     None where no window fits.
     """
     time, _, torque = run.slow
-    inside = np.concatenate([np.arange(time.size)[within(time, span)] for span in steady]) if steady else []
     angle = run.angle_at(time)
-    ripple = learn(angle[inside], torque[inside]) if len(inside) else NONE
-    torque = torque - ripple.at(angle)
+    if steady:
+        inside = np.concatenate([np.arange(time.size)[within(time, span)] for span in steady])
+        torque = torque - learn(angle[inside], torque[inside]).at(angle)
     rows, torques, centres = [], [], []
     for span in free_spans(run).values():
         for start in np.arange(span[0], span[1] - _WINDOW, _HOP):
@@ -270,7 +271,7 @@ def _noise(time: np.ndarray, torque: np.ndarray, steady: Sequence[Span]) -> tupl
             continue
         e = np.correlate(x, phi, "valid")
         # The mean of the stretch was taken out, and with it a share of the slow noise.
-        lost = 1 - size * step / (x.size * step)
+        lost = 1 - size / x.size
         for lag in range(lags):
             if e.size > lag * hop:
                 products[lag] += e[lag * hop :] @ e[: e.size - lag * hop] / lost

@@ -123,8 +123,9 @@ def level(
     t, x = t[used], x[used]
     mean, residual, fitted = _mean(t, x, speed)
     count = effective_size(residual, 1)
-    dof = max(count - fitted, 1.0)
-    own = float(np.sqrt(np.mean(residual**2) / dof))
+    own = float(np.sqrt(np.mean(residual**2) / max(count - fitted, 1.0)))
+    # The correlation time is estimated too, and scatters more than the variance (Sokal 1997, eq. 3.19).
+    dof = max(count / 3, 1.0)
     zero = offset or ZeroOffset()
     total = math.hypot(own, zero.std_error)
     pooled = total**4 / (own**4 / dof + zero.std_error**4 / zero.dof) if total > 0 else dof

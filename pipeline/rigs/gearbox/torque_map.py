@@ -121,7 +121,7 @@ def brake_transfer(run: AlignedRun, steady: list[Span]) -> Transfer | None:
     run
         With the events `brake_onset` and `unlock`.
     steady
-        Settled locked stretches (`Level.span` of fos, fos_after): ripple and noise are learnt there.
+        Settled locked stretches (`Level.span` of fos, fos_after): the ripple is learnt in the first, the noise in all.
 
     Returns
     -------
@@ -212,13 +212,16 @@ class _Locked:
     def of(cls, run: AlignedRun, steady: list[Span]) -> _Locked:
         time, torque_in, torque_out = run.means(_RATE)
         angle = run.angle_at(time)
-        inside = np.concatenate([np.arange(time.size)[within(time, span)] for span in steady])
-        free_in = torque_in - learn(angle[inside], torque_in[inside]).at(angle)
-        free_out = torque_out - learn(angle[inside], torque_out[inside]).at(angle)
+        first = within(time, steady[0])
+        free_in = torque_in - learn(angle[first], torque_in[first]).at(angle)
+        free_out = torque_out - learn(angle[first], torque_out[first]).at(angle)
         noise = []
         for span in steady:
+            # After a slip the input shaft has another angle to the encoder: each stretch has its own ripple.
             part = within(time, span)
-            noise.append((free_in[part] - free_in[part].mean(), free_out[part] - free_out[part].mean()))
+            left_in = torque_in[part] - learn(angle[part], torque_in[part]).at(angle[part])
+            left_out = torque_out[part] - learn(angle[part], torque_out[part]).at(angle[part])
+            noise.append((left_in - left_in.mean(), left_out - left_out.mean()))
         return cls(time, free_in, free_out, noise)
 
     def transfer(self, phase: str, part: slice, nuisance: np.ndarray) -> Transfer | None:

@@ -1,0 +1,209 @@
+"""Friction over speed: drag to ground while locked, lock and slip torque, the slip friction line (fact sheet 5.4, 5.6).
+
+T_0 = T_in - T_out/a while locked; M_lock = peak T_in - T_0; with the output held T_out = a M_slip exactly
+(fact sheet 3.5 C), so the slip torque needs no drag. The laws themselves are those of the synthetic rig.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pipeline.estimation.separable import fit_separable, linear_fit
+from pipeline.estimation.uncertainty import Covariance
+
+# Below so many different speeds the Stribeck law's four parameters cannot be told.
+LEAST_SPEEDS = 5
+# Speeds that differ by less than this share are one speed.
+_SAME = 0.03
+_W_S_BOUNDS = (3.0, 60.0)
+
+
+def ground_drag(torque_in: float, torque_out: float, a: float) -> float:
+    """Return T_0 = T_in - T_out / a, N m, from nominal torques while locked.
+
+    Examples
+    --------
+    >>> round(ground_drag(0.94, 0.30, 0.5443), 3)
+    0.389
+    """
+    return torque_in - torque_out / a
+
+
+def lock_torque(peak_in: float, drag: float) -> float:
+    """Return M_lock = peak T_in - T_0, N m."""
+    return peak_in - drag
+
+
+def slip_torque_by_input(torque_in: float, drag: float) -> float:
+    """Return M_slip = T_in - T_0, N m, with the drag found while locked: right where slipping does not change it."""
+    return torque_in - drag
+
+
+def slip_torque_by_output(torque_out: float, a: float) -> float:
+    """Return M_slip = T_out / a, N m, with the output held (fact sheet 3.5 C at w_2 = 0)."""
+    return torque_out / a
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A fitted friction law.
+
+    Attributes
+    ----------
+    law
+        `stribeck`: c0 + c_s exp(-(w/w_s)^2) + b0 w; `line`: c0 + b0 w; `slip`: M_c + M_v s.
+    names, values
+        Parameters, SI, shape (k,).
+    covariance
+        With its degrees of freedom.
+    chi2
+        Weighted sum of squares of the residuals; `n` speeds.
+    at_bound
+        Parameters that lie at a bound.
+    """
+
+    law: Literal["stribeck", "line", "slip"]
+    names: tuple[str, ...]
+    values: np.ndarray
+    covariance: Covariance
+    chi2: float
+    n: int
+    at_bound: tuple[str, ...] = ()
+
+    def at(self, speed: np.ndarray) -> np.ndarray:
+        """Return the curve at `speed` (rad/s), N m, same shape."""
+        return _law(self.law, self.values, np.asarray(speed, dtype=float))[0]
+
+    def error(self, speed: np.ndarray) -> np.ndarray:
+        """Return the curve's standard error at `speed`, N m, same shape: narrower than its parameters suggest."""
+        slopes = _law(self.law, self.values, np.asarray(speed, dtype=float))[1]
+        return np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slopes, self.covariance.matrix, slopes), 0.0))
+
+
+def distinct(speeds: np.ndarray) -> int:
+    """Return how many different speeds there are; those within 3 % are one.
+
+    Examples
+    --------
+    >>> distinct(np.array([6.3, 12.5, 12.6, 22.0]))
+    3
+    """
+    ordered = np.sort(speeds)
+    return int(ordered.size and 1 + np.sum(np.diff(ordered) > _SAME * ordered[1:]))
+
+
+def shared_covariance(own_error: np.ndarray, torque_out: np.ndarray, a: float, a_error: float) -> np.ndarray:
+    """Return the covariance of x - T_out/a over the runs: own errors, and that of `a`, which all share.
+
+    Parameters
+    ----------
+    own_error, torque_out
+        N m, shape (n,).
+    a, a_error
+        Transfer slope and its standard error.
+    """
+    pull = torque_out / a**2 * a_error
+    return np.diag(own_error**2) + np.outer(pull, pull)
+
+
+def drag_curve(speed: np.ndarray, drag: np.ndarray, covariance: np.ndarray) -> Curve | None:
+    """Fit T_0 over speed: Stribeck from five speeds on, a straight line with three or four, else nothing.
+
+    Parameters
+    ----------
+    speed, drag
+        rad/s and N m, shape (n,), one entry a run.
+    covariance
+        Of `drag`, shape (n, n).
+
+    Returns
+    -------
+    None below three speeds: then there is T_0 per speed and no law.
+    """
+    count = distinct(speed)
+    if count < 3:
+        return None
+    whiten = _whitening(covariance)
+    if count < LEAST_SPEEDS:
+        straight = linear_fit(np.column_stack([np.ones_like(speed), speed]), drag, whiten=whiten)
+        return _curve("line", ("c0", "b0"), straight.c, straight.covariance, straight.chi2, speed.size, 2)
+
+    def columns(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        ratio = speed / q[0]
+        bump = np.exp(-(ratio**2))
+        slopes = np.zeros((1, speed.size, 3))
+        slopes[0, :, 1] = 2 * ratio**2 / q[0] * bump
+        return np.column_stack([np.ones_like(speed), bump, speed]), slopes
+
+    fits = [
+        fit_separable(
+            columns,
+            drag,
+            np.array([start]),
+            lower=np.array([_W_S_BOUNDS[0]]),
+            upper=np.array([_W_S_BOUNDS[1]]),
+            scale=np.array([10.0]),
+            whiten=whiten,
+        )
+        for start in (6.0, 12.0, 25.0)
+    ]
+    best = min(fits, key=lambda fit: fit.chi2)
+    order = [1, 2, 0, 3]  # [w_s, c0, c_s, b0] -> [c0, c_s, w_s, b0]
+    values = np.array([*best.c[:2], best.q[0], best.c[2]])
+    matrix = best.covariance[np.ix_(order, order)]
+    held = ("w_s",) if bool(best.at_bound[0]) else ()
+    return _curve("stribeck", ("c0", "c_s", "w_s", "b0"), values, matrix, best.chi2, speed.size, 4, held)
+
+
+def slip_line(slip: np.ndarray, torque: np.ndarray, covariance: np.ndarray) -> Curve | None:
+    """Fit M_slip = M_c + M_v s over the slip speed; None below two different slips.
+
+    Parameters
+    ----------
+    slip, torque
+        rad/s and N m, shape (n,).
+    covariance
+        Of `torque`, shape (n, n).
+    """
+    if distinct(slip) < 2:
+        return None
+    fit = linear_fit(np.column_stack([np.ones_like(slip), slip]), torque, whiten=_whitening(covariance))
+    names = ("slip_torque_intercept", "slip_torque_slope")
+    return _curve("slip", names, fit.c, fit.covariance, fit.chi2, slip.size, 2)
+
+
+def _whitening(covariance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    factor = np.linalg.cholesky(covariance)
+    return lambda rows: np.asarray(np.linalg.solve(factor, rows))
+
+
+def _curve(
+    law: Literal["stribeck", "line", "slip"],
+    names: tuple[str, ...],
+    values: np.ndarray,
+    matrix: np.ndarray,
+    chi2: float,
+    n: int,
+    parameters: int,
+    at_bound: tuple[str, ...] = (),
+) -> Curve:
+    """Return the curve; runs that differ by more than their errors allow widen it."""
+    dof = n - parameters
+    factor = chi2 / dof if dof > 0 else 1.0
+    covariance = Covariance(matrix * max(factor, 1.0), dof if factor > 1 else math.inf, "generalised least squares")
+    return Curve(law, names, np.asarray(values), covariance, chi2, n, at_bound)
+
+
+def _law(law: str, values: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the law and its derivatives with respect to the parameters, shapes (n,) and (n, k)."""
+    one = np.ones_like(w)
+    if law != "stribeck":
+        return values[0] + values[1] * w, np.column_stack([one, w])
+    c0, c_s, w_s, b0 = values
+    bump = np.exp(-((w / w_s) ** 2))
+    return c0 + c_s * bump + b0 * w, np.column_stack([one, bump, c_s * bump * 2 * w**2 / w_s**3, w])
