@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # What the logs of synthetic rigs say of themselves, whatever the experiment.
 SYNTHETIC = ConditionSpec("synthetic", "", "true where a synthetic rig made the log: nothing was measured")
 
-_DEFAULT = "the experiment's default"
+DEFAULT = "the experiment's default"
 HEADING = re.compile(r"^\s*(.*?)\s*(?:[\[(]\s*([^\])]*)\s*[\])])?\s*$")
 _TRUE, _FALSE = {"true", "yes", "ja", "oui", "on"}, {"false", "no", "nein", "non", "off"}
 
@@ -61,7 +61,7 @@ def of_logs(
 def _said_varying(name: str, text: str, found: Conditions) -> QualityFinding:
     """Say of a column with a condition's name that it gives none: a warning where nothing else does."""
     place = found.sources.get(name)
-    if place in (None, _DEFAULT):
+    if place in (None, DEFAULT):
         message = (
             f"{text}: a condition is one number for the whole run, so it gives none. Write '{name}' into runs.csv."
         )
@@ -101,12 +101,12 @@ def of_run(
         for name, value in given.items():
             if name not in values:
                 values[name], sources[name] = value, place
-            elif not _same(values[name], value):
+            elif not same(values[name], value):
                 unit = next((spec.unit for spec in specs if spec.name == name), "")
                 notes.append(
                     QualityFinding(
                         "warning",
-                        f"{name} is {_shown(values[name], unit)} by {sources[name]} but {_shown(value, unit)} "
+                        f"{name} is {shown(values[name], unit)} by {sources[name]} but {shown(value, unit)} "
                         f"by {place}; {sources[name]} is used.",
                     )
                 )
@@ -114,7 +114,7 @@ def of_run(
         if spec.name not in values and spec.required:
             raise InputError(_missing(spec, run, recipe))
         if spec.name not in values and spec.default is not None:
-            values[spec.name], sources[spec.name] = spec.default, _DEFAULT
+            values[spec.name], sources[spec.name] = spec.default, DEFAULT
     return Conditions(values, sources, tuple(notes))
 
 
@@ -133,7 +133,7 @@ def condition_value(value: Condition | int, spec: ConditionSpec, where: str) -> 
         raise InputError(f"{where}: is {str(value).lower()}, expected is a number{_in(spec)}: {spec.description}.")
     number = quantity(value, spec.unit, where)
     if number not in spec.range:
-        taken = _shown(number, spec.unit if spec.unit != "1" else "")
+        taken = shown(number, spec.unit if spec.unit != "1" else "")
         as_si = f" (taken as {taken})" if str(value) != taken else ""
         raise InputError(
             f"{where}: '{value}'{as_si} cannot be. It is: {spec.description}; plausible is {spec.range.told(spec.unit)}. "
@@ -251,13 +251,15 @@ def _measures(unit: str, si_unit: str) -> bool:
     return True
 
 
-def _same(one: Condition, other: Condition) -> bool:
+def same(one: Condition, other: Condition) -> bool:
+    """Tell whether two values of a condition (SI) are one, but for rounding."""
     if isinstance(one, str) or isinstance(other, str):
         return str(one) == str(other)
     return abs(one - other) <= 1e-6 * max(abs(one), abs(other))
 
 
-def _shown(value: Condition, unit: str) -> str:
+def shown(value: Condition, unit: str) -> str:
+    """Return a condition (SI) for a message."""
     return f"{value:.6g} {unit}".strip() if isinstance(value, float) else str(value)
 
 

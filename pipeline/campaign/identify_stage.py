@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from pipeline import __version__
 from pipeline.campaign.conditions import SYNTHETIC
-from pipeline.campaign.ingest_stage import Ingested
+from pipeline.campaign.ingested import Ingested
 from pipeline.campaign.recipe import Recipe
 from pipeline.errors import InputError, counted, listing
 from pipeline.findings import Findings, Parameter, Quality, Run
@@ -44,7 +44,7 @@ def identify(campaign: str, recipe: Recipe, ingested: Ingested, uses: Mapping[st
     verdict, reasons = _with_quality(found, quality, ingested)
     made_up = sum(entry.run.conditions.get(SYNTHETIC.name) is True for entry in told)
     if made_up:
-        which = "All" if made_up == len(told) else f"{made_up} of the {len(told)}"
+        which = "All" if made_up == len(runs) else f"{made_up} of the {len(runs)}"
         reasons = [f"{which} logs come from a synthetic rig: nothing in them was measured.", *reasons]
     findings = found.model_copy(
         update={
@@ -110,7 +110,7 @@ def _with_quality(found: Findings, quality: list[Quality], ingested: Ingested) -
     reasons = [*found.reasons, *_left_out(left_out)]
     if grave and found.verdict == "ok":
         first = f"run {grave[0].run}: {grave[0].message}" if grave[0].run else grave[0].message
-        more = f" ({len(grave) - 1} more below)" if len(grave) > 1 else ""
+        more = f" ({len(grave) - 1} more among the quality findings)" if len(grave) > 1 else ""
         reasons.append(f"The data carry warnings: {first}{more}")
     verdict = "warning" if found.verdict == "ok" and (grave or left_out) else found.verdict
     return verdict, reasons
@@ -134,9 +134,16 @@ def _runs(told: list[_Told], found: Findings, ingested: Ingested) -> list[Run]:
         opinion = opinions.get(entry.run.run)
         update = {"used": opinion.used, "reason": opinion.reason} if opinion else {}
         runs.append(entry.run.model_copy(update=update))
-    known = {run.run for run in runs}
-    left_out = [q for q in ingested.quality if q.run is not None and q.run not in known]
-    return runs + [Run(run=q.run, used=False, reason=q.message) for q in left_out if q.run]
+    return runs + [
+        Run(
+            run=entry.run,
+            used=False,
+            reason=entry.reason,
+            files=list(entry.files),
+            sha256=list(entry.files.values()),
+        )
+        for entry in ingested.left_out
+    ]
 
 
 def _provenance(recipe: Recipe, runs: list[Run]) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Logs + recipe -> recordings, incrementally: a log that was read already is not read again.
 
-A folder of recordings holds Parquet files and `manifest.json`, which is written last and says which
-files belong to which run with their hashes, what they were made from, and which logs were left out and why.
+What a folder of recordings holds in the end is in `ingested`.
 """
 
 from __future__ import annotations
@@ -11,70 +10,24 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 from pipeline import __version__
 from pipeline.campaign import conditions as run_conditions
+from pipeline.campaign.ingested import MANIFEST, Ingested, LeftOut, Recordings, damaged, load, manifest
 from pipeline.campaign.logs import RunFiles
 from pipeline.campaign.parallel import in_parallel
 from pipeline.campaign.recipe import Recipe
+from pipeline.campaign.repeated import repeated
 from pipeline.campaign.runs_table import RunsTable
 from pipeline.errors import InputError, counted, listing, nearest
 from pipeline.ingest.ingest import VERSION, ingest_run
 from pipeline.ingest.registry import open_log, reader_for
-from pipeline.recording import QualityFinding, Recording
-from pipeline.recording.storage import read, sha256_of, whole_or_not
+from pipeline.recording import Level, QualityFinding, Recording
+from pipeline.recording.storage import sha256_of, whole_or_not
 from pipeline.rigs.experiment import Experiment
 
-MANIFEST = "manifest.json"
 Progress = Callable[[str], None]
-
-
-class Recordings(Sequence[Recording]):
-    """Recordings on disk, each read when it is asked for and its samples when they are used.
-
-    Nothing is kept here: who goes through them once holds one run in memory.
-    """
-
-    def __init__(self, paths: Sequence[Sequence[Path]]) -> None:
-        self._paths = paths
-
-    @overload
-    def __getitem__(self, index: int) -> Recording: ...
-    @overload
-    def __getitem__(self, index: slice) -> Recordings: ...
-    def __getitem__(self, index: int | slice) -> Recording | Recordings:
-        if isinstance(index, slice):
-            return Recordings(self._paths[index])
-        return read(self._paths[index], lazily=True)
-
-    def __len__(self) -> int:
-        return len(self._paths)
-
-
-@dataclass(frozen=True)
-class Ingested:
-    """What a folder of recordings holds: by run, its files with their hashes."""
-
-    folder: Path
-    files: Mapping[str, Mapping[str, str]]
-    quality: Sequence[QualityFinding]
-
-    def recordings(self) -> Recordings:
-        """Return the recordings, in the order of the runs.
-
-        Raises
-        ------
-        InputError
-            If one is gone or not as it was written.
-        """
-        for run, files in self.files.items():
-            if names := _damaged(self.folder, files):
-                raise InputError(
-                    f"{self.folder / names[0]}: the recording of run '{run}' is damaged or gone, or was changed by another "
-                    f"program; run 'rigfit ingest {self.folder.name}', which reads that log again."
-                )
-        return Recordings([[self.folder / name for name in names] for names in self.files.values()])
 
 
 def ingest(
@@ -108,7 +61,7 @@ def ingest(
         If no log at all can be read; nothing is changed then. Logs that cannot be read beside others
         that can are left out, which the result says as an error of that run.
     """
-    before = {} if force else _manifest(folder).get("runs", {})
+    before = {} if force else manifest(folder).get("runs", {})
     quality = _campaign_notes(recipe, runs, table)
     wanted = [entry for entry in runs if entry.run not in recipe.exclude]
     failed: dict[str, str] = {}
@@ -118,10 +71,10 @@ def ingest(
         try:
             task = _prepare(recipe, entry, table, base)
         except InputError as error:
-            failed[entry.run] = str(error)
+            failed[entry.run] = _with_paths_as_shown(str(error), _shown(entry, base), entry.files)
             continue
         known = before.get(entry.run)
-        if known and known["key"] == task.key and not _damaged(folder, known["files"]):
+        if known and known["key"] == task.key and not damaged(folder, known["files"]):
             kept[entry.run] = known
             progress(entry.run)
         else:
@@ -136,31 +89,23 @@ def ingest(
     failed = {entry.run: failed[entry.run] for entry in wanted if entry.run in failed}
     if not kept:
         raise InputError(_nothing(wanted, failed, recipe))
-    quality += [QualityFinding("error", f"left out: {message}", run) for run, message in failed.items()]
     order = {entry.run: kept[entry.run] for entry in wanted if entry.run in kept}
-    content = {"runs": order, "quality": [asdict(finding) for finding in quality], "uses": dict(uses or {})}
+    findings = [QualityFinding("error", f"left out: {message}", run) for run, message in failed.items()]
+    findings += _repeats(recipe, folder, order)
+    reasons = {finding.run: finding.message for finding in findings if finding.run}
+    if reasons.keys() >= {entry.run for entry in wanted}:
+        raise InputError(f"No log can be used. {findings[-1].message.removeprefix('left out: ')}")
+    reasons.update((run, f"left out by the recipe: {reason}") for run, reason in recipe.exclude.items())
+    content = {
+        "runs": order,
+        "left_out": [asdict(_left_out(entry, reasons[entry.run], base)) for entry in runs if entry.run in reasons],
+        "quality": [asdict(finding) for finding in (*quality, *findings)],
+        "uses": dict(uses or {}),
+    }
     with whole_or_not(folder / MANIFEST) as path:
         path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     _sweep(folder, {name for entry in order.values() for name in entry["files"]})
     return load(folder)
-
-
-def load(folder: Path) -> Ingested:
-    """Return what `ingest` left in `folder`.
-
-    Raises
-    ------
-    InputError
-        If it was not (or not wholly) ingested.
-    """
-    content = _manifest(folder)
-    if not content:
-        raise InputError(f"{folder}: holds no recordings; run 'rigfit ingest {folder.name}' first.")
-    quality = [
-        QualityFinding(**{**entry, "span": tuple(entry["span"]) if entry["span"] else None})
-        for entry in content["quality"]
-    ]
-    return Ingested(folder, {run: entry["files"] for run, entry in content["runs"].items()}, quality)
 
 
 @dataclass(frozen=True)
@@ -185,7 +130,7 @@ def _prepare(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Pat
         logs.append(open_log(path))
     names = [path.name for _, path in entry.files]
     conditions = run_conditions.of_logs(entry.run, recipe, table, logs, names)
-    shown = {stream: _relative(path, base) for stream, path in entry.files}
+    shown = _shown(entry, base)
     depends = {
         "version": [__version__, VERSION, *versions],
         "files": [[stream, shown[stream], digest] for (stream, _), digest in zip(entry.files, hashes, strict=True)],
@@ -213,8 +158,41 @@ def _read_one(task: _Task, folder: Path) -> tuple[str, dict[str, str] | str]:
             shown=task.shown,
         )
     except InputError as error:
-        return task.run, str(error)
+        return task.run, _with_paths_as_shown(str(error), task.shown, task.files)
     return task.run, {path.name: sha256_of(path) for path in paths}
+
+
+def _repeats(recipe: Recipe, folder: Path, runs: Mapping[str, Mapping[str, Any]]) -> list[QualityFinding]:
+    """Return a finding for each run that is another one's recording, and for those that this contradicts."""
+    recordings = Recordings([[folder / name for name in entry["files"]] for entry in runs.values()])
+    found: dict[str, QualityFinding] = {}
+    for repeat in repeated(recordings, recipe.experiment):
+        level: Level = "error" if repeat.contradicted else "warning"
+        found[repeat.run] = QualityFinding(level, f"left out: {repeat.message}", repeat.run)
+        if repeat.contradicted:
+            found.setdefault(repeat.of, QualityFinding("error", f"left out: {repeat.contradicted}", repeat.of))
+    return list(found.values())
+
+
+def _left_out(entry: RunFiles, reason: str, base: Path) -> LeftOut:
+    files = {}
+    for _, path in entry.files:
+        try:
+            files[_relative(path, base)] = sha256_of(path)
+        except OSError:
+            files[_relative(path, base)] = ""
+    return LeftOut(entry.run, reason, files)
+
+
+def _shown(entry: RunFiles, base: Path) -> dict[str, str]:
+    return {stream: _relative(path, base) for stream, path in entry.files}
+
+
+def _with_paths_as_shown(message: str, shown: Mapping[str, str], files: Sequence[tuple[str, Path]]) -> str:
+    """Return a reader's message with paths as this campaign shows them, so that it is the same in every clone."""
+    for stream, path in files:
+        message = message.replace(str(path), shown[stream])
+    return message
 
 
 def _noticed_by(experiment: Experiment) -> Callable[[Recording], Sequence[QualityFinding]]:
@@ -227,13 +205,6 @@ def _noticed_by(experiment: Experiment) -> Callable[[Recording], Sequence[Qualit
             return ()
 
     return notice
-
-
-def _damaged(folder: Path, files: Mapping[str, str]) -> list[str]:
-    """Return which of the recordings are gone or not as they were written."""
-    return [
-        name for name, digest in files.items() if not (folder / name).is_file() or sha256_of(folder / name) != digest
-    ]
 
 
 def _campaign_notes(recipe: Recipe, runs: Sequence[RunFiles], table: RunsTable | None) -> list[QualityFinding]:
@@ -266,17 +237,6 @@ def _nothing(wanted: Sequence[RunFiles], failed: Mapping[str, str], recipe: Reci
     if len(unlike) > 2:
         told += f" {counted(len(unlike) - 2, 'more log')} cannot be read either: {listing((run for run, _ in unlike[2:]), 8)}."
     return f"None of {len(failed)} logs can be read. {message}{told}"
-
-
-def _manifest(folder: Path) -> dict[str, Any]:
-    try:
-        content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    if not isinstance(content, dict) or not {"runs", "quality"} <= content.keys():
-        return {}
-    as_now = all(isinstance(entry.get("files"), dict) and "key" in entry for entry in content["runs"].values())
-    return content if as_now else {}
 
 
 def _sweep(folder: Path, keep: set[str]) -> None:

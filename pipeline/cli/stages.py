@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from pipeline.campaign import identify_stage, ingest_stage, logs, report_stage, runs_table, synthesize_stage
+from pipeline.campaign import identify_stage, ingest_stage, ingested, logs, report_stage, runs_table, synthesize_stage
 from pipeline.campaign.project import Campaign, Project
 from pipeline.campaign.recipe import Recipe, load
 from pipeline.cli.progress import progress
@@ -105,7 +105,7 @@ def identify(name: str) -> int:
         findings = identify_stage.identify(
             name,
             recipe,
-            ingest_stage.load(campaign.recordings),
+            ingested.load(campaign.recordings),
             identify_stage.used_findings(used),
             campaign.results,
         )
