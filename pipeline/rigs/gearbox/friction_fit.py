@@ -1,7 +1,6 @@
-"""Friction over speed: drag to ground while locked, lock and slip torque, the slip friction line (fact sheet 5.4, 5.6).
+"""Friction over speed: drag to ground while locked, and the torque of the slipping gears (fact sheet 3.5, 5.6).
 
-T_0 = T_in - T_out/a while locked; M_lock = peak T_in - T_0; with the output held T_out = a M_slip exactly
-(fact sheet 3.5 C), so the slip torque needs no drag. The laws themselves are those of the synthetic rig.
+Laws are fitted to one torque per run; how that torque follows from the levels of a run is in `derived`.
 """
 
 from __future__ import annotations
@@ -21,32 +20,6 @@ LEAST_SPEEDS = 5
 # Speeds that differ by less than this share are one speed.
 _SAME = 0.03
 _W_S_BOUNDS = (3.0, 60.0)
-
-
-def ground_drag(torque_in: float, torque_out: float, a: float) -> float:
-    """Return T_0 = T_in - T_out / a, N m, from nominal torques while locked.
-
-    Examples
-    --------
-    >>> round(ground_drag(0.94, 0.30, 0.5443), 3)
-    0.389
-    """
-    return torque_in - torque_out / a
-
-
-def lock_torque(peak_in: float, drag: float) -> float:
-    """Return M_lock = peak T_in - T_0, N m."""
-    return peak_in - drag
-
-
-def slip_torque_by_input(torque_in: float, drag: float) -> float:
-    """Return M_slip = T_in - T_0, N m, with the drag found while locked: right where slipping does not change it."""
-    return torque_in - drag
-
-
-def slip_torque_by_output(torque_out: float, a: float) -> float:
-    """Return M_slip = T_out / a, N m, with the output held (fact sheet 3.5 C at w_2 = 0)."""
-    return torque_out / a
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +55,8 @@ class Curve:
     def error(self, speed: np.ndarray) -> np.ndarray:
         """Return the curve's standard error at `speed`, N m, same shape: narrower than its parameters suggest."""
         slopes = _law(self.law, self.values, np.asarray(speed, dtype=float))[1]
-        return np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slopes, self.covariance.matrix, slopes), 0.0))
+        variance = np.einsum("ni,ij,nj->n", slopes, self.covariance.matrix, slopes)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def distinct(speeds: np.ndarray) -> int:

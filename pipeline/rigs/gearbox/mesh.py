@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -281,7 +282,7 @@ def _over_floor(power: np.ndarray) -> np.ndarray:
     """Return power over the local noise: a running median by blocks, of which noise exceeds the mean by 1/ln 2."""
     blocks = max(power.size // 400, 1)
     edges = np.linspace(0, power.size, blocks + 1).astype(int)
-    medians = np.array([np.median(power[a:b]) for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    medians = np.array([np.median(power[a:b]) for a, b in pairwise(edges)])
     centres = 0.5 * (edges[:-1] + edges[1:])
     floor = np.interp(np.arange(power.size), centres, medians) / math.log(2)
     return np.asarray(power / np.maximum(floor, 1e-300 + 1e-12 * float(medians.max())))

@@ -49,6 +49,11 @@ class Level:
     correlation_time: float
 
     @property
+    def offset_error(self) -> float:
+        """Standard error of the zero offset in it."""
+        return math.sqrt(max(self.std_error**2 - self.own_error**2, 0.0))
+
+    @property
     def ci95(self) -> Span:
         """95 % interval by Student's t."""
         half = t_quantile(self.dof) * self.std_error

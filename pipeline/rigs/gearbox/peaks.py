@@ -1,7 +1,7 @@
 """Peak torques: the maximum of the 20 Hz zero-phase low-passed torque, its bias and its error (fact sheet 5.3, 11).
 
-A maximum picks what noise and ripple add to it. How much, and how it scatters, is found by adding the
-same sensor's noise of a steady stretch to the curve many times. Not a model of the event behind the peak.
+A maximum picks what noise and ripple add to it: how much is found by adding the same sensor's noise of a
+steady stretch to the curve many times. Not a model of the event behind the peak.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.estimation.uncertainty import t_quantile
-from pipeline.rigs.gearbox.aligned_run import Span, ZeroOffset, within
+from pipeline.rigs.gearbox.aligned_run import AlignedRun, Span, ZeroOffset, within
+from pipeline.rigs.gearbox.ripple import learn
 from pipeline.signals.filtering import low_pass
 
 CUTOFF = 20.0
@@ -129,7 +130,9 @@ def peak(
     if not np.isfinite(smooth[inside]).any():
         return None
     at = inside.start + int(np.nanargmax(smooth[inside]))
-    bias, scatter = _bias_and_scatter(t, smooth, at, noise)
+    bias = _bias(t, smooth, at, noise)
+    # What is added at one instant scatters at least as much as the maximum does.
+    scatter = float(noise.values.std()) if noise.values.size else 0.0
     zero = offset or ZeroOffset()
     # Half a period of the cutoff is about one independent value of the low-passed noise.
     dof = max(noise.values.size * noise.step * cutoff / 10, 1.0)
@@ -145,20 +148,37 @@ def peak(
     )
 
 
-def _bias_and_scatter(t: np.ndarray, smooth: np.ndarray, at: int, noise: Steady) -> tuple[float, float]:
-    """Return mean and standard deviation of what noise adds to the maximum of the curve."""
+def unlock_peak(run: AlignedRun, span: Span, steady: Span) -> Peak | None:
+    """Find the peak of T_in when the lock breaks without the shaft's ripple: what the lock carried, plus drag.
+
+    Until it breaks both shafts turn as one, so the ripple learnt over the encoder's angle holds; the
+    error falls from that of the ripple to that of the noise. The peak of the torque itself keeps its ripple.
+
+    Parameters
+    ----------
+    run
+        Locked up to the peak.
+    span
+        Where to look, s.
+    steady
+        Settled part of the locked stage before it, s.
+    """
+    calm = within(run.time, steady)
+    angle = run.angle_at(run.time)
+    free = run.torque_in - learn(angle[calm], run.torque_in[calm]).at(angle)
+    return peak(run.time, free, span, steady_noise(run.time, free, [steady]), offset=run.offset_in)
+
+
+def _bias(t: np.ndarray, smooth: np.ndarray, at: int, noise: Steady) -> float:
+    """Return the mean of what noise adds to the maximum of the curve, N m."""
     part = within(t, (t[at] - _REACH, t[at] + _REACH))
     step = max(int(0.05 / CUTOFF / noise.step), 1)
-    curve = smooth[part][::step]
-    n = curve.size
-    pool = noise.values[::step]
-    if pool.size < 2 * n:
-        return 0.0, float(noise.values.std()) if noise.values.size else 0.0
-    starts = np.linspace(0, pool.size - n, _DRAWS).astype(int)
-    draws = np.lib.stride_tricks.sliding_window_view(pool, n)[starts]
-    # The curve holds one draw already: taken as it is, its own maximum would favour its own noise.
-    gain = np.nanmax(curve + draws, axis=1) - float(smooth[at])
-    return float(gain.mean()), float(gain.std())
+    curve, pool = smooth[part][::step], noise.values[::step]
+    if pool.size < 2 * curve.size:
+        return 0.0
+    starts = np.linspace(0, pool.size - curve.size, _DRAWS).astype(int)
+    draws = np.lib.stride_tricks.sliding_window_view(pool, curve.size)[starts]
+    return float(np.mean(np.nanmax(curve + draws, axis=1)) - smooth[at])
 
 
 def _flat_top(values: np.ndarray) -> bool:

@@ -167,9 +167,17 @@ def steady_transfer(before: tuple[Level, Level], loaded: tuple[Level, Level]) ->
     error_out = math.hypot(loaded[1].own_error, before[1].own_error)
     error = math.hypot(error_out, a * error_in) / abs(rise_in)
     t_00 = before[0].value - before[1].value / a
+    lever = before[1].value / rise_out
+    errors = (
+        (1 + lever) * before[0].own_error,
+        lever * loaded[0].own_error,
+        (1 + lever) / a * before[1].own_error,
+        lever / a * loaded[1].own_error,
+        before[0].offset_error,
+        before[1].offset_error / a,
+    )
     dof = min(level.dof for level in (*before, *loaded))
-    error_00 = math.hypot(before[0].std_error, before[1].std_error / a, before[1].value / a**2 * error)
-    return Transfer("steady", a, error, t_00, error_00, dof)
+    return Transfer("steady", a, error, t_00, math.hypot(*errors), dof)
 
 
 def pooled(transfers: list[Transfer], phase: str = "brake") -> Transfer | None:
@@ -239,13 +247,14 @@ class _Locked:
         if not 0 < a < 10:
             return None
         weights = left_x / (left_x @ left_x)
-        scattered = _scatter(weights, [n_y - a * n_x for n_x, n_y in self.noise])
+        noise = [n_y - a * n_x for n_x, n_y in self.noise]
+        scattered = _scatter(weights, noise)
         dof = max(sum(n_x.size for n_x, _ in self.noise) / x.size, 2.0)
         if nuisance.shape[1] > 1:
             return Transfer(phase, a, scattered, math.nan, math.nan, dof)
         t_00 = float(x.mean() - y.mean() / a)
-        level = _scatter(np.full(x.size, 1 / x.size), [n_y - a * n_x for n_x, n_y in self.noise])
-        return Transfer(phase, a, scattered, t_00, math.hypot(level / a, y.mean() / a**2 * scattered), dof)
+        level = y.mean() / a**2 * weights - 1 / (x.size * a)
+        return Transfer(phase, a, scattered, t_00, _scatter(level, noise), dof)
 
 
 def _scatter(weights: np.ndarray, noise: list[np.ndarray]) -> float:

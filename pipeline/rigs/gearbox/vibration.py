@@ -65,7 +65,7 @@ def high_passed(time: np.ndarray, values: np.ndarray, cutoff: float = HIGH_PASS)
 
     rate = (time.size - 1) / float(time[-1] - time[0])
     if time.size < 32 or cutoff > 0.4 * rate:
-        return values - values.mean()
+        return np.asarray(values - values.mean())
     sections = butter(2, cutoff, "highpass", fs=rate, output="sos")
     return np.asarray(sosfiltfilt(sections, values - values.mean()))
 
