@@ -22,6 +22,11 @@ _SAME = 0.03
 _W_S_BOUNDS = (3.0, 60.0)
 
 
+def slip_torque_by_input(torque_in: float, drag: float) -> float:
+    """Return M_slip = T_in - T_0, N m, with the drag found while locked: right where slipping does not change it."""
+    return torque_in - drag
+
+
 @dataclass(frozen=True, eq=False)
 class Curve:
     """A fitted friction law.
