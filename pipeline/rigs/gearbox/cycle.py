@@ -35,10 +35,13 @@ def set_speed(truth: GearboxTruth, speed: float, time: np.ndarray) -> np.ndarray
 
 
 def brake(truth: GearboxTruth, time: np.ndarray) -> np.ndarray:
-    """Return the brake's capacity, N m: it rises and falls in a straight line."""
-    on = np.clip((time - truth.brake_on) / truth.brake_rise, 0.0, 1.0)
-    off = np.clip((time - truth.brake_off) / truth.brake_fall, 0.0, 1.0)
-    return np.asarray(truth.brake_capacity * (on - off))
+    """Return the brake's capacity, N m: it rises and falls in straight lines."""
+    capacity = np.zeros(time.size)
+    for on, off, size in truth.brakes or ((truth.brake_on, truth.brake_off, truth.brake_capacity),):
+        rising = np.clip((time - on) / truth.brake_rise, 0.0, 1.0)
+        falling = np.clip((time - off) / truth.brake_fall, 0.0, 1.0)
+        capacity += size * (rising - falling)
+    return np.maximum(capacity, 0.0)
 
 
 def run_motion(truth: GearboxTruth, speed: float, lock_factor: float = 1.0) -> Motion:
@@ -48,7 +51,7 @@ def run_motion(truth: GearboxTruth, speed: float, lock_factor: float = 1.0) -> M
 
 
 def events(truth: GearboxTruth, motion: Motion) -> dict[str, float]:
-    """Return when things truly happened, s of the cycle; an event that did not happen is missing.
+    """Return when things truly happened first, s of the cycle; an event that did not happen is missing.
 
     `motor_on` and `brake_onset` are when the drive's ramp and the brake begin, `startup` and `rundown` when the
     output begins to turn and the set speed to fall, `unlock` and `relock` when the gears begin and cease to slip,
@@ -56,7 +59,7 @@ def events(truth: GearboxTruth, motion: Motion) -> dict[str, float]:
     """
     found = {
         "motor_on": truth.ramp_start,
-        "brake_onset": truth.brake_on,
+        "brake_onset": truth.brakes[0][0] if truth.brakes else truth.brake_on,
         "rundown": truth.rundown_start,
         **{
             name: _first(motion, before, after)

@@ -166,9 +166,9 @@ def _next_state(p, state, w1, w2, peak, set_speed, brake):  # type: ignore[no-un
     """Return the state that holds from now on: the same where nothing changes."""
     rate1, rate2, carried, _ = _rates(p, state, w1, w2, peak, set_speed, brake)
     if state == STILL:
-        if carried > p.M_lock:
-            return HELD
-        return LOCKED if p.a * carried > p.d0 + brake else STILL
+        if p.a * min(carried, p.M_lock) > p.d0 + brake:
+            return LOCKED
+        return HELD if carried > p.M_lock else STILL
     if state == LOCKED:
         if w1 <= _SPEED_ZERO and rate1 <= 0.0:
             return STILL
@@ -215,13 +215,13 @@ def _integrate(p, set_speed, brake, step, columns, states):  # type: ignore[no-u
         # Once the gears slip fast, or the output stands, the lock's peak is forgotten; they engage again at M_e.
         if state >= SLIPPING and w1 - w2 > 3.0 * p.s_s:
             peak = p.M_e
-        through = _transmitted(carried, p.a)
         torque_in = (set_speed[k] - w1) / p.k_d - p.J_m * rate1
-        torque_out = through - p.J_gb * rate2
         if state == STILL:
-            torque_out = max(through, 0.0)
-            drag = min(drag, torque_in)
-            carried = torque_in - drag
+            # At rest the drag takes what it can; only the rest winds up the gears.
+            carried = max(carried, 0.0)
+            drag = torque_in - carried
+        through = _transmitted(carried, p.a)
+        torque_out = through - p.J_gb * rate2
         columns[:, k] = (w1, w2, theta1, theta2, rate1, rate2, torque_in, torque_out, carried, drag + carried - through)
         states[k] = state
         if k + 1 == n or state == STILL:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,8 @@ import numpy as np
 from pipeline.recording import Channel, Condition, Recording, Stream
 from pipeline.rigs.gearbox import cycle
 from pipeline.rigs.gearbox.dynamics import Motion
+from pipeline.rigs.gearbox.kinematics import mesh_orders
+from pipeline.rigs.gearbox.teeth import teeth_of
 from pipeline.rigs.gearbox.truth import RPM, GearboxTruth, gearbox_truth, speeds_of
 
 _G0 = 9.81
@@ -35,16 +37,14 @@ class KnownRun:
     events: Mapping[str, float]
 
 
-def known_runs(truth: GearboxTruth, seed: int) -> list[tuple[KnownRun, np.random.Generator]]:
-    """Return what truly happened in each run of a campaign, and the random numbers left for its sensors."""
-    made = []
+def known_runs(truth: GearboxTruth, seed: int) -> Iterator[tuple[KnownRun, np.random.Generator]]:
+    """Yield what truly happens in each run of a campaign, and the random numbers left for its sensors."""
     for i, (name, speed) in enumerate(speeds_of(truth).items(), start=1):
         rng = np.random.default_rng(100 * seed + i)
         factor = 1.0 + truth.lock_scatter * rng.standard_normal()
         motion = cycle.run_motion(truth, speed, factor)
         lock_torque = cycle.plant(truth, speed, factor).M_lock
-        made.append((KnownRun(name, speed, lock_torque, motion, cycle.events(truth, motion)), rng))
-    return made
+        yield KnownRun(name, speed, lock_torque, motion, cycle.events(truth, motion)), rng
 
 
 def synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:
@@ -133,6 +133,9 @@ def _torques(truth: GearboxTruth, motion: Motion, rng: np.random.Generator) -> S
 
 def _encoder(truth: GearboxTruth, motion: Motion, rng: np.random.Generator) -> Stream:
     stamps, moments = _clock(truth, truth.encoder_rate, truth.encoder_ppm, truth.encoder_shift)
+    if truth.encoder_jitter:
+        stamps = stamps + rng.uniform(-truth.encoder_jitter, truth.encoder_jitter, stamps.size)
+        stamps[0] = 0.0
     per_turn = truth.encoder_ppr * truth.encoder_decoding
     turned = _at(motion, motion.theta2, moments) / (2.0 * np.pi)
     counts = np.floor(turned * per_turn + rng.uniform())
@@ -161,9 +164,15 @@ def _vibration(truth: GearboxTruth, motion: Motion, rng: np.random.Generator) ->
     relative = theta["theta1"] - theta["theta2"] + truth.creep * moments
     phases = rng.uniform(0.0, 2.0 * np.pi, 4)
     carrier = 1.0 + truth.modulation * np.cos(2.0 * theta["theta1"])
+    first, second = (float(order) for order in mesh_orders(teeth_of(truth.teeth)))
     meshes = np.zeros(stamps.size)
-    for size, order, phase in zip((0.12, 0.05, 0.18, 0.08), (140.0, 280.0, 40.0, 80.0), phases, strict=True):
-        meshes += size * np.sin(order * relative + phase) * (carrier if order >= 140.0 else 1.0)
+    for size, order, swell, phase in (
+        (0.12, first, carrier, phases[0]),
+        (0.05, 2.0 * first, carrier, phases[1]),
+        (0.18, second, 1.0, phases[2]),
+        (0.08, 2.0 * second, 1.0, phases[3]),
+    ):
+        meshes += size * np.sin(order * relative + phase) * swell
     channels = {}
     for name, (tone, shaft, white) in _ACCELEROMETERS.items():
         grinding = meshes + 0.08 * truth.noise * rng.standard_normal(stamps.size)
@@ -183,4 +192,5 @@ def _conditions(truth: GearboxTruth, run: KnownRun) -> dict[str, Condition]:
         "ramp_time": truth.ramp_time,
         "inverter_frequency": run.speed / RPM / 60.0,
         "lubrication": "none",
+        "teeth": truth.teeth,
     }

@@ -60,12 +60,12 @@ TABLE_1 = Teeth(Train(60, 20, 100), Train(12, 44, 100))
 
 
 def teeth_of(text: str, where: str = "teeth") -> Teeth:
-    """Return the gearbox whose teeth are written as ``60 20 100; 12 44 100``.
+    """Return the gearbox whose teeth are written as ``60 20 100; 12 44 100``, perhaps with the number of planets.
 
     Raises
     ------
     InputError
-        Unless there are six whole numbers above 0 and the two ratios differ: with equal ratios the gears cannot exchange.
+        Unless there are three or four whole numbers above 0 for each train, and the two ratios differ.
 
     Examples
     --------
@@ -73,10 +73,10 @@ def teeth_of(text: str, where: str = "teeth") -> Teeth:
     True
     """
     numbers = [float(word) for word in re.findall(r"[-+]?\d+(?:\.\d+)?", text)]
-    if len(numbers) != 6 or any(n <= 0 or n != int(n) for n in numbers):
+    if len(numbers) not in (6, 8) or any(n <= 0 or n != int(n) for n in numbers):
         raise InputError(f"{where}: '{text}' does not give the teeth; write {_WHAT}.")
-    n = [int(number) for number in numbers]
-    teeth = Teeth(Train(*n[:3]), Train(*n[3:]))
+    half = len(numbers) // 2
+    teeth = Teeth(*(Train(*(int(n) for n in part)) for part in (numbers[:half], numbers[half:])))
     if teeth.first.ratio == teeth.second.ratio:
         raise InputError(
             f"{where}: with '{text}' both trains have the ratio {teeth.first.ratio}, so the carriers could not turn "

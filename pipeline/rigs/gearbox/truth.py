@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from pipeline.errors import InputError, listing, nearest
+from pipeline.rigs.gearbox.teeth import teeth_of
 
 RPM = 2.0 * math.pi / 60.0
 RUNS = {"g1": 60.0, "g2": 90.0, "g3": 120.0, "g4": 120.0, "g5": 150.0, "g6": 180.0, "g7": 210.0, "g8": 240.0}
@@ -31,7 +32,7 @@ FIXTURES: dict[str, Mapping[str, Any]] = {
         "brake_capacity": 1.3 * _LOSSLESS,
     },
     "encoder_dropout": {"dropout_start": 7.0, "dropout_time": 0.4},
-    "no_standstill": {"log_start": 2.5},
+    "no_standstill": {"log_start": 3.0},
     "weak_brake": {"brake_capacity": 0.4},
     "board_clocks": {"encoder_ppm": 200.0, "encoder_shift": 0.3, "vibration_ppm": -200.0, "vibration_shift": -0.3},
     "three_times_noise": {"noise": 3.0},
@@ -54,6 +55,10 @@ class GearboxTruth:
         Lock torque at 120 rpm, its change per rpm, and its relative scatter from run to run (1 sigma).
     ramp_start, ramp_time, brake_on, brake_rise, brake_capacity, brake_off, brake_fall, rundown_start, rundown_time, duration
         The cycle, s and N m.
+    brakes
+        Other brakings instead of that one: (on, off, capacity) each, in the order of time.
+    teeth
+        As `teeth.teeth_of` reads them; only vibration shows them.
     noise
         Scale of all random noise of torques and vibration.
     torque_noise, drift_in, drift_out, drift_memory
@@ -67,6 +72,8 @@ class GearboxTruth:
     encoder_ppr, encoder_decoding, encoder_rate, encoder_log_rate, speed_only
         Encoder; with `encoder_log_rate` each count is logged again at that rate (Hz) until the next;
         `speed_only` logs differences of counts as a speed.
+    encoder_jitter
+        Largest error of the encoder's time stamps, s.
     dropout_start, dropout_time, dropout_lost
         The counter stays frozen for a while; pulses meanwhile may be lost.
     modulation, creep
@@ -105,6 +112,7 @@ class GearboxTruth:
     lock_scatter: float = 0.01
     ramp_start: float = 2.0
     ramp_time: float = 2.05
+    brakes: Sequence[Sequence[float]] = ()
     brake_on: float = 10.0
     brake_rise: float = 0.15
     brake_capacity: float = 1.3
@@ -134,6 +142,7 @@ class GearboxTruth:
     encoder_decoding: int = 4
     encoder_rate: float = 125.0
     encoder_log_rate: float = 0.0
+    encoder_jitter: float = 0.0
     speed_only: bool = False
     dropout_start: float = 0.0
     dropout_time: float = 0.0
@@ -147,6 +156,7 @@ class GearboxTruth:
     vibration_ppm: float = 0.0
     vibration_shift: float = 0.0
     log_start: float = 0.0
+    teeth: str = "60 20 100; 12 44 100"
 
 
 def gearbox_truth(overrides: Mapping[str, Any]) -> GearboxTruth:
@@ -169,10 +179,63 @@ def gearbox_truth(overrides: Mapping[str, Any]) -> GearboxTruth:
             f"the synthetic gearbox has no fixture '{fixture}'.{nearest(fixture, FIXTURES)} It has {listing(FIXTURES)}."
         )
     truth = replace(GearboxTruth(), **{**FIXTURES.get(fixture, {}), **dict(overrides)})
+    _checked(truth)
+    return truth
+
+
+_ABOVE_ZERO = (
+    "J_L", "J_gb", "J_1", "J_m", "k_d", "w_s", "s_s", "M_lock", "ramp_time", "brake_rise", "brake_fall", "rundown_time",
+    "duration", "drift_memory", "torque_span", "torque_bits", "torque_rate", "encoder_ppr", "encoder_rate", "vibration_rate",
+)  # fmt: skip
+_ZERO_OR_MORE = (
+    "d0", "d1", "c0", "c_s", "b0", "h0", "h1", "M_c", "M_v", "M_e", "M_lock_slope", "lock_scatter", "ramp_start",
+    "brake_capacity", "noise", "torque_noise", "drift_in", "drift_out", "dropout_time", "encoder_log_rate",
+    "encoder_jitter", "creep", "log_start",
+)  # fmt: skip
+_LONGEST = 600.0
+
+
+def _checked(truth: GearboxTruth) -> None:
+    for name in (*_ABOVE_ZERO, *_ZERO_OR_MORE):
+        value, least = getattr(truth, name), "more than 0" if name in _ABOVE_ZERO else "0 or more"
+        if (
+            not isinstance(value, int | float)
+            or not math.isfinite(value)
+            or value < 0
+            or (value == 0 and name in _ABOVE_ZERO)
+        ):
+            raise InputError(f"'{name}' of the synthetic gearbox is {value!r}; expected {least}.")
     for run in truth.runs:
         if run not in RUNS:
             raise InputError(f"the synthetic gearbox has no run '{run}'; it has {listing(RUNS)}.{nearest(run, RUNS)}")
-    return truth
+    wrong = (
+        (
+            not 0.0 < truth.a <= 1.0,
+            f"'a' is {truth.a!r}; expected more than 0 up to 1: it can transmit no more than all",
+        ),
+        (
+            truth.encoder_decoding not in (1, 2, 4),
+            f"'encoder_decoding' is {truth.encoder_decoding!r}; expected 1, 2 or 4",
+        ),
+        (
+            any(len(b) != 3 for b in truth.brakes),
+            "each of 'brakes' needs three numbers: on (s), off (s), capacity (N m)",
+        ),
+        (truth.duration > _LONGEST, f"'duration' is {truth.duration!r} s; expected up to {_LONGEST:g} s"),
+        (
+            truth.log_start >= truth.duration,
+            f"'log_start' is {truth.log_start!r} s, after the end at {truth.duration:g} s",
+        ),
+        (
+            truth.encoder_jitter >= 0.5 / truth.encoder_rate,
+            f"'encoder_jitter' is {truth.encoder_jitter!r} s, half a period of the encoder or more",
+        ),
+        (any(not speed > 0.0 for speed in truth.speeds), "'speeds' need numbers above 0, rad/s"),
+    )
+    for is_wrong, what in wrong:
+        if is_wrong:
+            raise InputError(f"the synthetic gearbox: {what}.")
+    teeth_of(truth.teeth, "'teeth' of the synthetic gearbox")
 
 
 def speeds_of(truth: GearboxTruth) -> dict[str, float]:
