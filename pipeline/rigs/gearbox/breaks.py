@@ -30,11 +30,6 @@ def parabola_before(late: np.ndarray) -> np.ndarray:
     return np.minimum(late, 0.0) ** 2
 
 
-def cubic(late: np.ndarray) -> np.ndarray:
-    """Zero before the break, rising with the third power of time after it."""
-    return np.maximum(late, 0.0) ** 3
-
-
 def ramp_before(late: np.ndarray) -> np.ndarray:
     """Falling or rising in proportion to time up to the break, zero after it."""
     return np.minimum(late, 0.0)

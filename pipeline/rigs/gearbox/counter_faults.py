@@ -13,7 +13,7 @@ _MODULI = tuple(2.0**k for k in (8, 10, 12, 14, 15, 16, 20, 24, 31, 32)) + tuple
 # A step is a jump beyond this many times the step that 99 % stay below, plus a few counts.
 _JUMP, _SLACK = 4.0, 6.0
 # A stop is none where the shaft runs this close to top speed until the last and from the first count on.
-_SHARP, _BESIDE = 0.7, 5
+_SHARP, _BESIDE, _USUAL = 0.7, 5, 60
 _LEAST_COHERENCE = 0.6
 
 
@@ -160,18 +160,22 @@ def dropouts(
         if pause <= still:
             continue
         silent = last == first + 1
-        before, after = _rate(time, counts, first, -1), _rate(time, counts, last + (not silent), 1)
-        resumed = last if silent else min(last + 1, time.size - 1)
-        beside = 0.5 * (before + after)
-        sharp = min(before, after) > _SHARP * top
+        resumed = last if silent else last + 1
+        before = _rate(time, counts, first, -1) if first else np.inf
+        after = _rate(time, counts, resumed, 1) if resumed < time.size else np.inf
+        # At the begin and the end of a record one side has to do.
+        beside = [rate for rate in (before, after) if np.isfinite(rate)]
+        sharp = bool(beside) and min(beside) > _SHARP * top
         if not (sharp or silent):
             continue
+        resumed = min(resumed, time.size - 1)
         pause = time[resumed] - time[first]
-        missing = beside * pause - (counts[resumed] - counts[first])
-        lost = abs(missing) > max(0.1 * beside * pause, 2.0)
+        usual = 0.5 * (_rate(time, counts, first, -1, _USUAL) + _rate(time, counts, resumed, 1, _USUAL))
+        missing = usual * pause - (counts[resumed] - counts[first])
+        lost = len(beside) == 2 and abs(missing) > max(0.1 * abs(missing + counts[resumed] - counts[first]), 2.0)
         if lost and sharp:
             counts[resumed:] += np.round(missing)
-        kept[first + 1 : resumed] = False
+        kept[first + (first > 0) : resumed + (after == np.inf)] = False
         what = "told nothing" if silent else "stood still"
         text = f"the encoder {what} for {pause:.2f} s" + (
             " while the shaft ran at full speed: a dropout, not a stop" if sharp else ""
@@ -181,9 +185,9 @@ def dropouts(
     return time[kept], counts[kept], problems
 
 
-def _rate(time: np.ndarray, counts: np.ndarray, index: int, side: int) -> float:
-    """Return the counts a second over the few counts before (`side` -1) or behind `index`; 0 where there are none."""
-    goal = counts[index] + side * _BESIDE
+def _rate(time: np.ndarray, counts: np.ndarray, index: int, side: int, many: int = _BESIDE) -> float:
+    """Return the counts a second over `many` counts before (`side` -1) or behind `index`; 0 where there are none."""
+    goal = counts[index] + side * many
     if side < 0:
         other = int(np.searchsorted(counts, goal, side="right")) - 1
     else:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.rigs.gearbox.breaks import Shape, cubic, find_break, parabola, parabola_before, ramp, ramp_before, step
+from pipeline.rigs.gearbox.breaks import Shape, find_break, parabola, parabola_before, ramp, ramp_before, step
 from pipeline.rigs.gearbox.counts import Counts, edges
 from pipeline.rigs.gearbox.record import Record
 from pipeline.rigs.gearbox.stages import EventName, EventTime, Stage
@@ -22,22 +22,48 @@ _REACH = 0.5
 # A fall of the torque is clear that takes this many variances away.
 _CLEAR = 40.0
 Found = dict[EventName, EventTime]
+# A brake and a drive come on smoothly, a low-pass moves a lopsided peak: what that may do to a time, s.
+_SHAPE: dict[EventName, float] = {
+    "startup": 0.01,
+    "brake_onset": 0.01,
+    "unlock": 0.25 / PEAK_CUTOFF,
+    "sos_start": 0.005,
+    "sos_end": 0.03,
+    "relock": 0.01,
+    "rundown": 0.015,
+}
 
 
-def startup_event(counts: Counts, stages: Sequence[Stage]) -> Found:
-    """Return when the output began to turn out of a standstill."""
+def startup_event(record: Record, counts: Counts, stages: Sequence[Stage]) -> Found:
+    """Return when the output began to turn out of a standstill.
+
+    The drive winds the shafts up until friction lets go: there the input torque bends, and long before
+    the first count. Where no bend is clear the first counts decide.
+    """
     i = next((k for k, stage in enumerate(stages) if stage.name == "startup"), None)
     if i is None or i == 0 or stages[i - 1].name != "standstill":
         return {}
-    return {"startup": _starts(counts, stages[i - 1].end, 0.6)}
+    blunt = _starts(counts, stages[i - 1].end, 0.3)
+    first = stages[i - 1].end
+    near = min(blunt.time, first - 0.05)
+    part = record.torque.part(near - 0.35, first + 0.15)
+    block = max(round(0.005 * part.rate), 1) if part.time.size > 2 else 1
+    time, level = block_means(part.time, part["torque_in"], block)
+    if time.size < 40:
+        return _widened({"startup": blunt})
+    late = time - first
+    columns = [np.ones_like(late), late, late**2]
+    bend, (without, bent) = find_break(time, level, columns, [ramp, parabola], (near - 0.25, first))
+    clear = without - bent > _CLEAR * bent / time.size
+    return _widened({"startup": bend if clear else blunt})
 
 
-def rundown_event(counts: Counts, stages: Sequence[Stage], nominal: float) -> Found:
+def rundown_event(counts: Counts, stages: Sequence[Stage]) -> Found:
     """Return when the output left nominal speed for good."""
     stage = next((stage for stage in stages if stage.name == "rundown"), None)
     if stage is None:
         return {}
-    return {"rundown": _kink(counts, stage.start, min(0.5, 0.7 * stage.duration), 1.0)}
+    return _widened({"rundown": _kink(counts, stage.start, min(0.5, 0.7 * stage.duration), 1.0)})
 
 
 def cycle_events(record: Record, counts: Counts, stages: Sequence[Stage], sos: Stage) -> Found:
@@ -58,10 +84,15 @@ def cycle_events(record: Record, counts: Counts, stages: Sequence[Stage], sos: S
         found.update(_brake(record, counts, before[-1], found["sos_start"].time))
     after = [stage for stage in stages[i + 1 :] if stage.name != "release"]
     if i + 1 < len(stages):
-        found["sos_end"] = _starts(counts, sos.end, 0.25)
+        found["sos_end"] = _starts(counts, sos.end, 0.15)
         if after and after[0].name.startswith("fos"):
             found["relock"] = _relock(record, counts, found["sos_end"].time, after[0])
-    return found
+    return _widened(found)
+
+
+def _widened(found: Found) -> Found:
+    """Return the events with what the fitted shape leaves open added to their errors."""
+    return {name: EventTime(event.time, math.hypot(event.sd, _SHAPE[name])) for name, event in found.items()}
 
 
 def _starts(counts: Counts, end: float, window: float) -> EventTime:
@@ -70,7 +101,7 @@ def _starts(counts: Counts, end: float, window: float) -> EventTime:
     k = min(int(np.searchsorted(at, end - 1e-6)), at.size - 1)
     first, last = float(at[k]), float(at[min(k + 5, at.size - 1)])
     fitted = (first, max(first + window, last))
-    return _standing_end(counts, fitted, (first - _REACH, first), first - _REACH, (parabola, cubic))
+    return _standing_end(counts, fitted, (first - _REACH, first), first - _REACH, (parabola,))
 
 
 def _stops(counts: Counts, start: float) -> EventTime:
@@ -151,7 +182,7 @@ def _brake(record: Record, counts: Counts, fos: Stage, stop: float) -> Found:
         return {}
     peak = candidates[int(np.argmax(smooth[candidates]))]
     unlock = float(torque.time[peak])
-    found: Found = {"unlock": EventTime(unlock, 0.25 / PEAK_CUTOFF)}
+    found: Found = {"unlock": EventTime(unlock, 0.5 / torque.rate)}
     early = smooth[torque.time < unlock - 1.0]
     base = float(np.median(early)) if early.size else float(smooth[0])
     # The straight part of the rise only: towards its end the low-pass, and the brake, bend it.

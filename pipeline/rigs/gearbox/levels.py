@@ -15,6 +15,8 @@ from pipeline.signals.periodogram import block_means
 _RATE = 100.0
 # Above this share of the way from the lowest to the highest level a standing shaft is held under torque.
 _LOADED = 0.25
+# The lock breaks at this many times the torque of FOS at the least, within so many seconds of the stop.
+_PEAK, _NEAR = 1.2, 0.5
 # Without mesh noise the input stands too: vibration above 20 Hz within this factor of that in FOS.
 _QUIET, _HIGH_PASS = 1.25, 0.05
 # A loaded stretch of FOS: torque above the unloaded level by this share and so many sigmas, so long (s).
@@ -36,21 +38,34 @@ class Levels:
         inside = self.torque_in[(self.time >= span.start + cut) & (self.time <= span.end - cut)]
         return float(np.median(inside)) if inside.size else float("nan")
 
-    def scale(self, spans: Sequence[Span]) -> tuple[float, float]:
-        """Return the level of a standstill and the way up to the highest steady level, N m (signed)."""
+    def standing(self, spans: Sequence[Span]) -> dict[int, StageName]:
+        """Tell of every standing span, by its index, whether the shaft is at rest, held, or stalled with the motor.
+
+        Held means: the input torque is above 25 % of the way from the lowest to the highest level, and it had
+        a peak as the shaft stopped. A shaft that runs down stops under falling torque.
+        """
+        base, running, way = self._scale(spans)
+        out: dict[int, StageName] = {}
+        for i, span in enumerate(spans):
+            if span.state != "zero":
+                continue
+            loaded = (self.of(span) - base) / way > _LOADED
+            if loaded and i:
+                start = spans[i - 1].start if spans[i - 1].state == "moving" else span.start
+                near = (self.time >= start - _NEAR) & (self.time <= span.start + _NEAR)
+                peak = float(((self.torque_in[near] - base) / (running - base)).max(initial=0.0))
+                loaded = peak > _PEAK
+            out[i] = "standstill" if not loaded else ("stall" if self._quiet(span) else "sos")
+        return out
+
+    def _scale(self, spans: Sequence[Span]) -> tuple[float, float, float]:
+        """Return the level of a standstill, that of FOS, and the way from the first to the highest, N m (signed)."""
         standing = [level for s in spans if s.state == "zero" and np.isfinite(level := self.of(s))]
         running = float(np.median([level for s in spans if s.state == "nominal" and np.isfinite(level := self.of(s))]))
         base = min(standing, key=abs, default=0.0)
         if abs(base) > 0.5 * abs(running):  # no standstill among them
             base = 0.0
-        return base, max((*standing, running), key=lambda level: abs(level - base)) - base
-
-    def standing(self, span: Span, scale: tuple[float, float]) -> StageName:
-        """Tell whether a shaft that stands is at rest, held with slipping gears, or stalled with the motor."""
-        base, way = scale
-        if not (self.of(span) - base) / way > _LOADED:
-            return "standstill"
-        return "stall" if self._quiet(span) else "sos"
+        return base, running, max((*standing, running), key=lambda level: abs(level - base)) - base
 
     def _quiet(self, span: Span) -> bool:
         return self.vibration is not None and self.restless(span.start, span.end) < _QUIET
@@ -108,7 +123,7 @@ def loaded_spans(record: Record, span: Span, name: StageName) -> list[Stage]:
     starts = np.concatenate([[0], bounds])
     ends = np.concatenate([bounds, [loaded.size]])
     marks: list[tuple[float, float]] = [
-        (time[a] - 0.5 * _BLOCK, time[b - 1] + 0.5 * _BLOCK)
+        (float(time[a]) - 0.5 * _BLOCK, float(time[b - 1]) + 0.5 * _BLOCK)
         for a, b in zip(starts, ends, strict=True)
         if loaded[a] and (b - a) * _BLOCK >= _LONG
     ]

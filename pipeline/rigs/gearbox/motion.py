@@ -17,6 +17,8 @@ State = Literal["zero", "moving", "nominal"]
 _FAST, _BAND, _SIGMAS = 0.8, 0.02, 3.0
 # Shorter runs between two of the same state belong to them, s.
 _SHORTEST = 0.15
+# A stand at the end of the record lasts this long to be one, s.
+_LAST = 0.3
 # A loaded drive droops by so much; what slows down further has left nominal speed.
 _DROOP = 0.12
 
@@ -54,7 +56,7 @@ def spans_of(counts: Counts) -> tuple[list[Span], float]:
     starts = np.concatenate([[time[0]], 0.5 * (time[bounds - 1] + time[bounds])])
     ends = np.concatenate([starts[1:], [time[-1]]])
     runs = [(int(state[i]), float(a), float(b)) for i, a, b in zip(first, starts, ends, strict=True)]
-    runs = _joined(runs, time, speed, nominal)
+    runs = _joined(_ending(runs), time, speed, nominal)
     names: tuple[State, State, State] = ("zero", "moving", "nominal")
     return [Span(names[s], a, b, _median(time, speed, a, b)) for s, a, b in runs], nominal
 
@@ -65,6 +67,13 @@ def _standing(counts: Counts) -> list[tuple[float, float]]:
     marks = np.concatenate([[counts.time[0]], at, [counts.time[-1]]])
     long = np.flatnonzero(np.diff(marks) > counts.still)
     return [(float(marks[i]), float(marks[i + 1])) for i in long if counts.whole(marks[i], marks[i + 1])]
+
+
+def _ending(runs: list[tuple[int, float, float]]) -> list[tuple[int, float, float]]:
+    """Give a stand at the very end that is too short to be told from the last slow turn to the motion before it."""
+    if len(runs) > 1 and runs[-1][0] == 0 and runs[-2][0] == 1 and runs[-1][2] - runs[-1][1] < _LAST:
+        return [*runs[:-2], (1, runs[-2][1], runs[-1][2])]
+    return runs
 
 
 def _joined(

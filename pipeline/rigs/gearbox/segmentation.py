@@ -37,9 +37,9 @@ def segment(record: Record) -> Segmentation:
     rough, problems = rough_stages(record, spans, levels)
     stages, cycles = _refined(record, counts, rough)
     found = {
-        **startup_event(counts, stages),
+        **startup_event(record, counts, stages),
         **(cycles[0] if cycles else {}),
-        **rundown_event(counts, stages, nominal),
+        **rundown_event(counts, stages),
     }
     stages = _with_ends(stages, found)
     protocol, complete = off_protocol(stages)
@@ -58,17 +58,18 @@ def rough_stages(record: Record, spans: list[Span], levels: Levels) -> tuple[lis
     stages: list[Stage] = []
     problems: list[Problem] = []
     slipped = False
-    load = levels.scale(spans)
+    standing = levels.standing(spans)
     for i, span in enumerate(spans):
         before, after = (spans[i - 1] if i else None), (spans[i + 1] if i + 1 < len(spans) else None)
+        name: StageName | None
         if span.state == "zero":
-            name: StageName | None = levels.standing(span, load)
+            name = standing[i]
             slipped = slipped or name == "sos"
         elif span.state == "nominal":
             name = "fos_after" if slipped else "fos"
         else:
-            held = before is not None and before.state == "zero" and levels.standing(before, load) != "standstill"
-            stops = after is not None and after.state == "zero" and levels.standing(after, load) != "standstill"
+            held = standing.get(i - 1, "standstill") != "standstill"
+            stops = standing.get(i + 1, "standstill") != "standstill"
             name = _moving(before, after, held, stops)
         if name is None:
             text = f"the output shaft left its nominal speed without a stop ({span.speed:.3g} rad/s)"
