@@ -19,8 +19,8 @@ def drag_locked(w: Number, c0: float, c_s: float, w_s: float, b0: float) -> Numb
 
     Examples
     --------
-    >>> round(drag_locked(12.566, 0.10, 0.406, 17.08, 0.004), 4)
-    0.3866
+    >>> f"{drag_locked(12.566, 0.10, 0.406, 17.08, 0.004):.4f}"
+    '0.3866'
     """
     decay: Number = np.exp(-((w / w_s) ** 2))
     return c0 + c_s * decay + b0 * w
