@@ -59,7 +59,7 @@ def _lines(findings: Findings) -> list[Figure]:
             continue
         marks: list[Mark] = []
         for k, (low, high, label) in enumerate(
-            ((4.0, 15.0, "6 dB above the floor"), (15.0, 60.0, "12 dB"), (60.0, np.inf, "18 dB"))
+            ((10.0, 100.0, "10 to 20 dB above the floor"), (100.0, 1e3, "20 to 30 dB"), (1e3, np.inf, "above 30 dB"))
         ):
             part = own[(own["contrast"] >= low) & (own["contrast"] < high)]
             if len(part):
