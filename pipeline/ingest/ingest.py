@@ -31,7 +31,7 @@ from pipeline.recording.storage import (
 )
 
 # Raise it whenever the same log would become another recording.
-VERSION = 1
+VERSION = 2
 
 
 def ingest_run(

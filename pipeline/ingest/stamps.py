@@ -1,4 +1,4 @@
-"""Repair of time stamps that do not increase: repeated, coarse, backward, wrapped, started again.
+"""Repair of time stamps that do not increase: out of order, repeated, coarse, backward, wrapped, started again.
 
 Works on all stamps of a table at once (8 bytes a row); sound logs, which are most, never come here.
 Every change is a finding that goes into the provenance.
@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.errors import InputError, counted
+from pipeline.ingest.row_order import sorted_rows
 from pipeline.recording import QualityFinding
 
 # At most this part of the steps may lead backward, and at most this part of the rows may be lost to that.
@@ -27,9 +28,13 @@ _WRAPS = tuple(float(1 << bits) for bits in (16, 24, 31, 32))
 
 @dataclass
 class Repair:
-    """The stamps of all rows, shape (n,), in the log's unit: strictly increasing, NaN for rows to drop."""
+    """The stamps of all rows, shape (n,), in the log's unit: strictly increasing, NaN for rows to drop.
+
+    `order` (n,) are the rows of the file in the order in which these stamps are theirs; None for that of the file.
+    """
 
     stamps: np.ndarray
+    order: np.ndarray | None = None
     findings: list[QualityFinding] = field(default_factory=list)
 
 
@@ -71,7 +76,13 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str, place: Pla
             "recipe, or give the rate: `time: {rate: 5 kHz}`."
         )
     backward = np.flatnonzero(steps < 0)
-    if backward.size:
+    order = None
+    if backward.size and (by_time := sorted_rows(time)) is not None:
+        findings.append(_said_sorted(time, by_time, backward, rows, where, place))
+        order = np.arange(stamps.size)
+        order[rows] = rows[by_time]
+        time, copies = time[by_time], None
+    elif backward.size:
         _refuse_if_mostly_backward(time, backward, rows, where, place)
         stay = _increasing(time)
         findings.append(_said_backward(time, stay, backward, rows, where, place))
@@ -92,7 +103,7 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str, place: Pla
             time = _spread(time)
     mended = np.full(stamps.size, np.nan)
     mended[rows] = time
-    return Repair(mended, findings)
+    return Repair(mended, order, findings)
 
 
 def _said_repeated(
@@ -103,6 +114,21 @@ def _said_repeated(
         "note" if part <= 1e-3 else "warning",
         f"{where}: {counted(int(repeated.sum()), 'row')} with the time of the row before (repeated stamps, "
         f"{100 * part:.2g} %, first {place(int(rows[first + 1]))} at {time[first]:.9g}), dropped.",
+    )
+
+
+def _said_sorted(
+    time: np.ndarray, order: np.ndarray, backward: np.ndarray, rows: np.ndarray, where: str, place: Place
+) -> QualityFinding:
+    moved = np.flatnonzero(order != np.arange(order.size))
+    furthest = int(np.abs(order - np.arange(order.size)).max())
+    late = float((np.maximum.accumulate(time) - time).max())
+    at = int(backward[0])
+    return QualityFinding(
+        "note",
+        f"{where}: rows stand out of order, first from {time[at]:.9g} to {time[at + 1]:.9g} in "
+        f"{place(int(rows[at + 1]))}; {counted(moved.size, 'row')} sorted by time, moved by up to "
+        f"{counted(furthest, 'row')} ({late:.4g}). Sorted, they are as evenly spaced as the others; none is lost.",
     )
 
 

@@ -13,15 +13,16 @@ from typing import Protocol
 import numpy as np
 
 from pipeline.errors import InputError, counted
+from pipeline.ingest.blocks import Block, rebatched, rows_of
 from pipeline.ingest.clock_drift import ClockDrift, other_clock
 from pipeline.ingest.mapping import Selection
 from pipeline.ingest.quality.sampling import Sampling
-from pipeline.ingest.reader import BLOCK_ROWS
+from pipeline.ingest.row_order import reordered
+from pipeline.ingest.sentinels import SentinelWatch
 from pipeline.ingest.stamps import Repair, repair
 from pipeline.ingest.timebase import Clock, TimeSource, stated_rate
 from pipeline.recording import QualityFinding
 
-Block = dict[str, np.ndarray]
 # Larger numbers measure nothing: they are a logger's way to write "no value".
 _INFINITE = 1e100
 # A stated rate is rounded; stamps may be off from it by so much.
@@ -69,6 +70,7 @@ class StreamInSI:
             *(c.raw.name for c in selection.channels),
         ]
         self._names = list(dict.fromkeys(names))
+        self._sentinels = {c.name: SentinelWatch() for c in selection.channels if c.unit and not c.raw.is_text}
         self._blocks = self._again()
         self._first = next(self._blocks, None)
         if self._first is not None:
@@ -82,15 +84,23 @@ class StreamInSI:
         InputError
             If there are no rows, or time is beyond repair.
         """
-        blocks = chain([] if self._first is None else [self._first], self._blocks)
+        blocks: Iterator[Block] = chain([] if self._first is None else [self._first], self._blocks)
         self._first = None
-        try:
-            rows = self._pass(blocks, sink, None)
-        except _DisorderError:
-            mended = self._mended()
+        mended: Repair | None = None
+        while True:
+            try:
+                rows = self._pass(blocks, sink, mended)
+            except _DisorderError:
+                mended = self._mended()
+            else:
+                if not self._new_sentinels():
+                    break
             sink.restart()
-            rows = self._pass(self._again(), sink, mended)
-            self.repairs += mended.findings
+            self.repairs = []
+            blocks = self._again()
+            if mended is not None and mended.order is not None:
+                blocks = reordered(blocks, mended.order)
+        self.repairs += mended.findings if mended is not None else []
         if not rows:
             raise InputError(
                 f"{self.clock.where}: holds no rows with a time; export or record the log again, with its samples."
@@ -129,6 +139,14 @@ class StreamInSI:
         )
         return [QualityFinding("warning", message)]
 
+    def _new_sentinels(self) -> bool:
+        """Tell whether channels turned out to hold numbers that stand for no value; they are taken so from then on."""
+        new = False
+        for watch in self._sentinels.values():
+            if not watch.masked and (found := watch.found()):
+                watch.masked, new = found, True
+        return new
+
     def _again(self) -> Iterator[Block]:
         return rebatched(self.selection.source.table.blocks(self._names))
 
@@ -137,11 +155,12 @@ class StreamInSI:
         self._drift = ClockDrift()
         timeless = _Tally()
         infinite = {channel.name: _Tally() for channel in self.selection.channels}
+        no_value = {channel.name: _Tally() for channel in self.selection.channels}
         self.beyond = {}
         row, passed, last = 0, 0, -np.inf
         for block in blocks:
             time, keep = self._seconds(block, row, mended, timeless)
-            row += _rows(block)
+            row += rows_of(block)
             if not time.size:
                 continue
             if time[0] <= last or (np.diff(time) <= 0).any():
@@ -153,8 +172,8 @@ class StreamInSI:
                 other = np.asarray(block[self._other_clock], dtype=np.float64)
                 self._drift.add(time, other if keep is None else other[keep])
             passed += time.size
-            sink.add(time, self._channels(block, keep, time, infinite))
-        self._say(timeless, infinite)
+            sink.add(time, self._channels(block, keep, time, infinite, no_value))
+        self._say(timeless, infinite, no_value)
         return passed
 
     def _seconds(
@@ -163,7 +182,7 @@ class StreamInSI:
         """Return the times of a block that begins at `row`, and which of its rows have one (None: all)."""
         if self.time.channel is None:
             assert self.time.rate is not None  # a time source has the one or the other
-            return np.arange(row, row + _rows(block)) / self.time.rate, None
+            return np.arange(row, row + rows_of(block)) / self.time.rate, None
         logged = np.asarray(block[self.time.channel], dtype=np.float64)
         stamps = logged if mended is None else mended.stamps[row : row + logged.size]
         keep = None
@@ -176,13 +195,23 @@ class StreamInSI:
         return self.clock.seconds(stamps), keep
 
     def _channels(
-        self, block: Block, keep: np.ndarray | None, time: np.ndarray, infinite: Mapping[str, _Tally]
+        self,
+        block: Block,
+        keep: np.ndarray | None,
+        time: np.ndarray,
+        infinite: Mapping[str, _Tally],
+        no_value: Mapping[str, _Tally],
     ) -> Block:
         columns: Block = {}
         for channel in self.selection.channels:
             raw = block[channel.raw.name]
+            raw = raw if keep is None else raw[keep]
+            if (watch := self._sentinels.get(channel.name)) is not None:
+                raw, gone = watch.look(raw)
+                if gone is not None:
+                    no_value[channel.name].count(gone, 0, time)
             with np.errstate(over="ignore", invalid="ignore"):
-                values = channel.si(raw if keep is None else raw[keep])
+                values = channel.si(raw)
                 suspect = channel.unit != "" and not abs(values.sum()) < _INFINITE
             if suspect and (wrong := np.abs(values) > _INFINITE).any():
                 finite = np.abs(values[wrong & np.isfinite(values)])
@@ -206,7 +235,7 @@ class StreamInSI:
             copies = np.concatenate(([False], same))
         return repair(stamps, copies, f"{self.clock.where}, channel '{name}'", table.place_of)
 
-    def _say(self, timeless: _Tally, infinite: Mapping[str, _Tally]) -> None:
+    def _say(self, timeless: _Tally, infinite: Mapping[str, _Tally], no_value: Mapping[str, _Tally]) -> None:
         where = self.clock.where
         if timeless.n:
             message = (
@@ -214,6 +243,15 @@ class StreamInSI:
                 f"first {self.selection.source.table.place_of(timeless.first_row)}."
             )
             self.repairs.append(QualityFinding("note" if timeless.n <= 2 else "warning", message))
+        for channel in self.selection.channels:
+            tally = no_value[channel.name]
+            if tally.n:
+                numbers = " and ".join(f"{value:.10g}" for value in sorted(self._sentinels[channel.name].masked))
+                message = (
+                    f"{channel.name}: {counted(tally.n, 'value')} logged as exactly {numbers}, far from all others: what "
+                    f"loggers write for 'no value'. First at {tally.first_time:.6g} s, taken as missing."
+                )
+                self.repairs.append(QualityFinding("warning", message, channel=channel.name))
         for name, tally in infinite.items():
             if tally.n:
                 told = counted(tally.n, "infinite value")
@@ -241,40 +279,6 @@ class _Tally:
             self.first_row = row + at
             self.first_time = float("nan") if time is None else float(time[at])
         self.n += found
-
-
-def rebatched(blocks: Iterator[Block], least: int = BLOCK_ROWS // 8, most: int = BLOCK_ROWS) -> Iterator[Block]:
-    """Join blocks of fewer than `least` rows and split those of more than `most`; order and content stay."""
-    waiting: list[Block] = []
-    held = 0
-    for block in blocks:
-        held += _rows(block)
-        waiting.append(block)
-        if held >= least:
-            yield from _split(_joined(waiting), most)
-            waiting, held = [], 0
-    if held:
-        yield from _split(_joined(waiting), most)
-
-
-def _rows(block: Block) -> int:
-    return next(iter(block.values())).size if block else 0
-
-
-def _joined(blocks: list[Block]) -> Block:
-    blocks = [block for block in blocks if _rows(block)]
-    if len(blocks) == 1:
-        return blocks[0]
-    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
-
-
-def _split(block: Block, most: int) -> Iterator[Block]:
-    size = _rows(block)
-    if size <= most:
-        yield block
-        return
-    for start in range(0, size, most):
-        yield {name: values[start : start + most] for name, values in block.items()}
 
 
 def _same_as_before(values: np.ndarray) -> np.ndarray:

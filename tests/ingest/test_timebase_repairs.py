@@ -161,8 +161,47 @@ def test_the_size_of_the_readers_blocks_changes_nothing(block_rows: int) -> None
     stamps = np.insert(TRUE, 101, TRUE[100])
     stamps[7000] = np.nan
     stamps[12000] = -1.0
-    sink, stream = passed(stamps, block_rows=block_rows)
+    sink, stream = passed(stamps)
     reference, other = passed(stamps, block_rows=4321)
     np.testing.assert_array_equal(sink.time, reference.time)
     np.testing.assert_array_equal(sink.values("row"), reference.values("row"))
     assert stream.repairs == other.repairs
+
+
+@pytest.mark.parametrize("block_rows", [70, 4096, 7000])
+def test_rows_a_little_out_of_order_are_sorted_and_none_is_lost(block_rows: int) -> None:
+    order = np.arange(N)
+    order[100:110] = order[100:110][::-1]
+    order[4090:4100] = np.roll(order[4090:4100], 3)
+    order[12000:12900:2], order[12001:12900:2] = order[12001:12900:2].copy(), order[12000:12900:2].copy()
+    sink, stream = passed(TRUE[order], ROWS[order], block_rows=block_rows)
+    np.testing.assert_array_equal(sink.time, TRUE)
+    np.testing.assert_array_equal(sink.values("row"), ROWS)
+    [repair] = stream.repairs
+    assert repair.level == "note"
+    assert "first from 0.0218 to 0.0216 in row 102" in repair.message
+    assert "920 rows sorted by time, moved by up to 9 rows" in repair.message
+
+
+def test_merged_publishers_out_of_step_are_sorted() -> None:
+    rng = np.random.default_rng(3)
+    uneven = TRUE + rng.uniform(-0.15, 0.15, N) / RATE
+    late = np.argsort(uneven + (np.arange(N) % 2) * 3.0 / RATE, kind="stable")
+    sink, _ = passed(uneven[late], ROWS[late])
+    np.testing.assert_array_equal(sink.values("row"), ROWS)
+
+
+def test_one_wrong_stamp_is_no_disorder() -> None:
+    stamps = TRUE.copy()
+    stamps[500] = stamps[300] + 0.5 / RATE
+    sink, stream = passed(stamps)
+    assert 500 not in sink.values("row")
+    assert "1 row dropped" in stream.repairs[0].message
+
+
+def test_a_clock_set_back_a_little_is_not_sorted_into_itself() -> None:
+    stamps = TRUE.copy()
+    stamps[8000:] -= 40.4 / RATE
+    sink, stream = passed(stamps)
+    assert (np.diff(sink.values("row")) > 0).all()
+    assert "time steps backward" in stream.repairs[0].message

@@ -58,7 +58,7 @@ class Tally:
             yield "warning", f"{told} shorter than others of the same message, filled up with NaN."
         if self.backward:
             told = counted(self.backward, "message")
-            yield "note", f"{told} logged after a later one; the rows are in the order of the file."
+            yield "note", f"{told} logged after a later one, in the order of the file."
         if gaps:
             told = counted(gaps, "block")
             yield "note", f"{told} of samples followed by a gap, timed with the step of the block before."
