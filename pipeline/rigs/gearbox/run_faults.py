@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from pipeline.recording import Level as Level_
 from pipeline.recording import QualityFinding
-from pipeline.rigs.gearbox.nominal import difference_in_sigmas
+from pipeline.rigs.gearbox.checks import Misfit, dissipated_power, inertia_parts, slopes, warm_up
 from pipeline.rigs.gearbox.record import COUNT, SPEED, TORQUES
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.sos_speed import teeth_in
@@ -17,11 +18,8 @@ from pipeline.rigs.gearbox.stages import Problem
 from pipeline.rigs.gearbox.teeth import assembly_faults, interference_warnings
 from pipeline.rigs.gearbox.vibration_numbers import VibrationNumbers
 
-_CLEAR = 3.0
 # A change of the FOS torque below that share is warming up, beyond it the brake may still rub.
 _HELD = 0.15
-# Stages that tell one another apart in the trust of an inertia, sigmas.
-_INERTIA = 3.0
 
 
 def run_faults(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFinding]:
@@ -37,8 +35,7 @@ def run_faults(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFind
         *_not_freed(run),
         *_slips(run, vibration),
         *_aliased(run, vibration),
-        *_inertia(run),
-        *_dissipation(run),
+        *_misfits(run),
         *_teeth(run),
     ]
 
@@ -80,17 +77,16 @@ def _not_freed(run: RunNumbers) -> list[QualityFinding]:
         before, after = run.levels.get((quantity, "fos")), run.levels.get((quantity, "fos_after"))
         if before is None or after is None:
             continue
-        sigmas = difference_in_sigmas(before, after)
-        change = after.value - before.value
-        if abs(sigmas) < _CLEAR:
+        one, change = warm_up(before, after), after.value - before.value
+        if not one.failed:
             continue
         rubs = quantity == "torque_out" and change > _HELD * abs(before.value)
-        what = (
-            "the brake does not free the load (step 6 of the protocol: brake off)"
-            if rubs
-            else "heating of the gears, or drift of the sensor"
-        )
-        text = f"FOS after SOS is {1e3 * change:+.0f} mN m from FOS before ({sigmas:+.1f} sigmas): {what}"
+        text = f"{one.text} ({one.value:+.1f} sigma)"
+        if rubs:
+            text = (
+                f"the brake does not free the load (step 6 of the protocol, brake off): FOS after SOS is {1e3 * change:+.0f} mN m "
+                f"above FOS before ({one.value:+.1f} sigma)"
+            )
         found.append(QualityFinding("warning" if rubs else "note", text, run.name, quantity, after.span))
     return found
 
@@ -118,37 +114,22 @@ def _aliased(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFindin
     return [QualityFinding("warning", text, run.name, vibration.channel, run.run.stages.get("sos"))]
 
 
-def _inertia(run: RunNumbers) -> list[QualityFinding]:
-    """Compare the inertia of start-up with that of release."""
-    parts = run.load_parts
-    if not {"startup", "release"} <= set(parts):
-        return []
-    values = [float(parts[name].values[0]) for name in ("startup", "release")]
-    errors = [float(parts[name].covariance.std_error[0]) for name in ("startup", "release")]
-    spread = math.hypot(*errors)
-    sigmas = (values[1] - values[0]) / spread if spread > 0 else 0.0
-    if abs(sigmas) < _INERTIA or abs(values[1] - values[0]) < 0.05 * abs(values[0]):
-        return []
-    text = (
-        f"the load's inertia is {1e3 * values[0]:.3g} g m2 from start-up and {1e3 * values[1]:.3g} g m2 from release ({sigmas:+.1f} "
-        "sigmas): the brake is not free in one of them, or drag that grows with load is taken for inertia"
-    )
-    return [QualityFinding("warning", text, run.name, "torque_out", run.run.stages.get("release"))]
-
-
-def _dissipation(run: RunNumbers) -> list[QualityFinding]:
-    """Refuse heat that the gears would give: more power out than in."""
-    t_in, t_out = run.level("torque_in", "fos"), run.level("torque_out", "fos")
-    if t_in is None or t_out is None or math.isnan(t_in.zero):
-        return []
-    excess = t_out.value - t_in.value
-    if excess < _CLEAR * math.hypot(t_in.std_error, t_out.std_error):
-        return []
-    text = (
-        f"more power comes out than goes in: {t_out.value:.3g} N m out, {t_in.value:.3g} N m in at equal speed; channels swapped, "
-        "or a sensor's gain"
-    )
-    return [QualityFinding("error", text, run.name, "torque_out", run.run.stages.get("fos"))]
+def _misfits(run: RunNumbers) -> list[QualityFinding]:
+    """Return what contradicts the model, as `checks` says it."""
+    found: list[tuple[Misfit, Level_, str]] = []
+    parts, transfers = run.load_parts, run.transfers
+    if {"startup", "release"} <= set(parts):
+        found.append((inertia_parts(parts["startup"], parts["release"]), "warning", "torque_out"))
+    if {"startup", "brake"} <= set(transfers):
+        found.append((slopes(transfers["startup"], transfers["brake"]), "warning", "torque_out"))
+    t_in, t_out = (run.levels.get((name, "fos")) for name in TORQUES)
+    if t_in and t_out and not any(math.isnan(run.zero(name)) for name in TORQUES):
+        found.append((dissipated_power(t_in, t_out, run.speed_out[0]), "error", "torque_out"))
+    return [
+        QualityFinding(level, f"{one.text} ({one.value:+.1f} {one.unit}, limit {one.limit:.1f})", run.name, channel)
+        for one, level, channel in found
+        if one.failed
+    ]
 
 
 def _teeth(run: RunNumbers) -> list[QualityFinding]:
