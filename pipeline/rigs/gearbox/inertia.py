@@ -75,8 +75,23 @@ class Windows:
         """Return the covariance of `torque`, shape (n, n): stationary noise and the common offset."""
         lag = np.abs(self.place[:, None] - self.place[None, :])
         table = np.append(self.noise, 0.0)
-        common = (self.offset_error * _MEAN * _WINDOW) ** 2
-        return np.asarray(table[np.minimum(lag, self.noise.size)] + common)
+        return np.asarray(table[np.minimum(lag, self.noise.size)] + self._common)
+
+    def weighted(self, columns: np.ndarray) -> np.ndarray:
+        """Return C^-1 `columns`, shape (n, k), for the covariance C of a common offset and equal, independent noise.
+
+        The noise is as large as the correlated one is for means; its measured correlation itself is too rough
+        to be inverted (and is all but singular).
+        """
+        n = self.torque.size
+        level = max(float(self.noise[0] + 2 * self.noise[1:].sum()), float(self.noise[0]))
+        level = level if level > 0 else 1.0
+        pull = self._common / (level + n * self._common)
+        return np.asarray((columns - pull * columns.sum(axis=0)) / level)
+
+    @property
+    def _common(self) -> float:
+        return (self.offset_error * _MEAN * _WINDOW) ** 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +117,11 @@ class LoadFit:
     residuals: dict[str, tuple[np.ndarray, np.ndarray]]
     scatter: float
     undetermined: dict[str, str]
+
+    def steady_torque(self, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return d0 + d1 w at steady `speed` (rad/s, shape (n,)) and its covariance, shape (n, n)."""
+        slopes = np.column_stack([np.ones_like(speed), speed])
+        return slopes @ self.values[1:], slopes @ self.covariance.matrix[1:, 1:] @ slopes.T
 
 
 def free_spans(run: AlignedRun) -> dict[str, Span]:
@@ -179,20 +199,21 @@ def load_parameters(windows: Sequence[Windows]) -> LoadFit | None:
 
     Notes
     -----
-    Ordinary least squares; its covariance comes from the measured noise of each run, correlation of
-    overlapping windows included, widened where the runs differ by more than their noise allows.
+    Least squares in which the windows of a run share its zero offset; the covariance comes from the measured
+    noise of each run, correlation of overlapping windows included, widened where the runs differ by more than
+    their noise allows.
     """
     A = np.concatenate([w.columns for w in windows])
-    y = np.concatenate([w.torque for w in windows])
     scale = np.linalg.norm(A, axis=0)
-    if y.size < 4 or not (scale > 0).all() or np.linalg.cond(A / scale) > 1e4:
+    if A.shape[0] < 4 or not (scale > 0).all() or np.linalg.cond(A / scale) > 1e4:
         return None
-    inverse = np.linalg.inv((A / scale).T @ (A / scale)) / np.outer(scale, scale)
-    values = inverse @ (A.T @ y)
+    weighted = [w.weighted(w.columns / scale) for w in windows]
+    information = sum((x.T @ w.columns for x, w in zip(weighted, windows, strict=True)), np.zeros((3, 3)))
+    pulls = [np.linalg.solve(information, x.T) for x in weighted]
+    values = sum((pull @ w.torque for pull, w in zip(pulls, windows, strict=True)), np.zeros(3))
     total = np.zeros((3, 3))
     scores, spreads, shares = [], [], []
-    for w in windows:
-        pull = inverse @ w.columns.T
+    for pull, w in zip(pulls, windows, strict=True):
         own = pull @ w.covariance() @ pull.T
         total += own
         scores.append(pull @ (w.torque - w.columns @ values))
