@@ -187,13 +187,12 @@ def models_of(groups: Sequence[LoadGroup], main: LoadGroup | None) -> list[Model
     """Return every model of every static load; the one chosen at the load of the largest ratio is selected."""
     found = []
     for group in groups:
-        suffix = "" if len(groups) == 1 else f" at {group.label}"
         for fit in (*group.fits, *group.dependent):
             chosen = fit is group.selected
             own = candidate_of(group, fit)
             found.append(
                 ModelResult(
-                    name=f"{fit.name}{suffix}",
+                    name=fit.name,
                     family=group.label if len(groups) > 1 else "",
                     selected=chosen and group is main,
                     n_parameters=fit.size,
