@@ -183,14 +183,28 @@ def _from_file_name(recipe: Recipe, file_name: str, notes: list[QualityFinding])
     if recipe.file_name is None:
         return {}
     pattern, units = name_pattern(recipe)
-    match = pattern.search(Path(file_name).name)
+    stem = Path(file_name).stem
+    match = pattern.fullmatch(stem) or pattern.search(file_name)
+    unfit = f"the file name '{file_name}' does not fit the recipe's pattern '{recipe.file_name}'"
     if match is None:
+        notes.append(QualityFinding("warning", f"{unfit}."))
+        return {}
+    left_over = [part for part in (stem[: match.start()], stem[match.end() :]) if part]
+    if not _is_parted(file_name, match):
+        beside = listing(f"'{part}'" for part in left_over)
         notes.append(
             QualityFinding(
-                "warning", f"the file name '{file_name}' does not fit the recipe's pattern '{recipe.file_name}'."
+                "warning",
+                f"{unfit}: '{match[0]}' would, but {beside} is left over and nothing parts the two. No condition is taken "
+                "from this name; let the pattern tell all of it, or part what it leaves out by '_'.",
             )
         )
         return {}
+    if any(letter.isdigit() for part in left_over for letter in part):
+        beside = listing(f"'{part}'" for part in left_over)
+        notes.append(
+            QualityFinding("note", f"{beside} in the file name '{file_name}' is outside the recipe's pattern.")
+        )
     found: dict[str, Condition] = {}
     for name, text in match.groupdict().items():
         spec = recipe.experiment.condition(name)
@@ -198,6 +212,16 @@ def _from_file_name(recipe: Recipe, file_name: str, notes: list[QualityFinding])
         text = text.replace("p", ".") if spec.unit else text
         found[name] = value_of(text, units[name], spec, f"{file_name}, condition '{name}'")
     return found
+
+
+def _is_parted(file_name: str, match: re.Match[str]) -> bool:
+    """Tell whether a match begins and ends where the name does, or at a sign that parts words; decimal signs do not."""
+    before, after = file_name[: match.start()][-1:] + match[0][:1], match[0][-1:] + file_name[match.end() :][:2]
+    begins = match.start() == 0 or not all(letter.isalnum() for letter in before)
+    ends = match.end() == len(file_name) or not (
+        all(letter.isalnum() for letter in after[:2]) or re.fullmatch(r".[.,]\d", after)
+    )
+    return begins and ends
 
 
 def name_pattern(recipe: Recipe) -> tuple[re.Pattern[str], dict[str, str | None]]:

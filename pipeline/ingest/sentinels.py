@@ -42,7 +42,7 @@ class SentinelWatch:
         if not logged.size:
             return
         low, high = float(logged.min()), float(logged.max())
-        if not math.isfinite(high - low):
+        if not (math.isfinite(low) and math.isfinite(high)):
             self._add(logged[np.isfinite(logged)])
             return
         self._n += logged.size

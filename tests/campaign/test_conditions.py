@@ -50,6 +50,36 @@ def test_agreeing_places_raise_no_note(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("pattern", "name", "left_over"),
+    [
+        ("pull_{wire_diameter}mm", "pull_2mm5.csv", "'5'"),
+        ("pull_{wire_diameter:mm}", "pull_2x.csv", "'x'"),
+        ("pull_{wire_diameter}mm", "pull_2mm.5.csv", "'.5'"),
+        ("{wire_diameter}mm", "v12mm.csv", "'v'"),
+    ],
+)
+def test_a_name_that_goes_on_where_the_pattern_ends_gives_nothing_and_says_so(
+    tmp_path: Path, pattern: str, name: str, left_over: str
+) -> None:
+    made = recipe(tmp_path, f'file_name: "{pattern}"\nconditions: {{wire_diameter: 7 mm}}\n')
+    found = conditions.of_run("pull", made, None, {}, [name])
+    assert found.sources["wire_diameter"] == "the recipe"
+    [note] = found.notes
+    assert note.level == "warning"
+    assert f"{left_over} is left over" in note.message
+
+
+def test_numbers_outside_the_pattern_are_noted(tmp_path: Path) -> None:
+    made = recipe(tmp_path, 'file_name: "pull_{wire_diameter}mm"\n')
+    found = conditions.of_run("pull", made, None, {}, ["pull_2mm_5.csv"])
+    assert found.values["wire_diameter"] == pytest.approx(2e-3)
+    [note] = found.notes
+    assert note.level == "note"
+    assert "'_5' in the file name" in note.message
+    assert conditions.of_run("pull", made, None, {}, ["pull_2mm.device.csv"]).notes == ()
+
+
+@pytest.mark.parametrize(
     ("pattern", "name", "expected"),
     [
         ("pull_{wire_diameter}mm", "pull_1.5mm.csv", 1.5e-3),

@@ -82,6 +82,7 @@ SIGNALS: dict[str, Callable[[], np.ndarray]] = {
     "triangle": lambda: np.abs((T * 3) % 2 - 1),
     "contact in half of each cycle": lambda: np.maximum(sine(3), 0),
     "counter": lambda: np.floor(T * 100),
+    "counter of a shaft that is braked to rest": lambda: np.floor(900 * np.where(T < 3.99, T, 3.99)),
     "switched current": lambda: ((T * 50) % 1 < 0.3) * 1.0,
     "wrapping angle": lambda: (T * 7) % (2 * np.pi),
     "speed from an encoder": lambda: np.diff(np.floor(np.cumsum(1 + np.sin(T * 6)) * 0.07), prepend=0) * RATE,

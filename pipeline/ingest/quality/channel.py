@@ -54,6 +54,7 @@ class ChannelQuality:
         self._spikes = Spikes()
         self._resolution = Resolution()
         self._values = self._time = np.empty(0)
+        self._counts = True
 
     def add(self, values: np.ndarray, time: np.ndarray) -> None:
         """Take the next block: values in SI (NaN where there are none) and time (s), each of shape (n,)."""
@@ -76,6 +77,8 @@ class ChannelQuality:
         self.stretches.add(window)
         self._spikes.add(window, self._lower.level, self._upper.level)
         self._resolution.add(values)
+        # Whole numbers that never fall: a counter, whose last value is where the motion ended and no limit.
+        self._counts = self._counts and bool((window.steps >= 0.0).all() and (values == np.floor(values)).all())
         self._values = window.values[-CONTEXT:].copy()
         self._time = np.concatenate((self._time, time[-CONTEXT:]))[-CONTEXT:]
 
@@ -150,7 +153,7 @@ class ChannelQuality:
 
     def _said_clipped(self) -> list[QualityFinding]:
         tops = [top for top in (self._lower.clipped(), self._upper.clipped()) if top]
-        if not tops:
+        if not tops or self._counts:
             return []
         levels = " and ".join(self._value(top.level) for top in tops)
         samples = sum(top.samples for top in tops)
