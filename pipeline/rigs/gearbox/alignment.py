@@ -28,8 +28,12 @@ from pipeline.signals.periodogram import block_means
 # Shifts are looked for this far, s, first in coarse and then in fine steps.
 _FAR, _COARSE, _FINE = 1.5, 0.03, 0.001
 _RATE, _WINDOW, _FEWEST = 100.0, 0.2, 50
-# The parts of a run agree within this; what a smooth bend leaves open on a shift; the same of mesh noise, s.
-_NEAR, _BEND, _MESH = 0.15, 0.01, 0.02
+# The parts of a run agree within this; what a smooth bend leaves open on a shift, s; what mesh noise leaves open, as a
+# share of how long slip takes to come or go.
+_NEAR, _BEND, _MESH = 0.15, 0.01, 0.1
+# The shaft bends away already while the lock still holds: the peak of the torque is surely this near, s.
+_UNLOCK = 0.03
+_POWERS = (1, 2, 3)
 # A shift is applied from so many standard errors and so many seconds on, a drift from so many standard errors.
 _SURE, _LEAST = 4.0, 0.02
 # A part of the run has a shift of its own if it explains so much of the torque's variance.
@@ -69,11 +73,12 @@ class Alignment:
 
 @dataclass(frozen=True)
 class _Part:
-    """The shift of one part of a run: when (s of the board), how much and with what error (s)."""
+    """The shift of one part of a run: when (s of the board), how much and with what error (s); what it leaves unexplained."""
 
     time: float
     shift: float
     sd: float
+    misfit: float = 0.0
 
 
 def align(record: Record) -> tuple[Record, Alignment]:
@@ -122,11 +127,14 @@ def _clock(parts: Sequence[_Part]) -> ClockFit | None:
     time, shift, sd = (np.array([getattr(part, name) for part in parts]) for name in ("time", "shift", "sd"))
     weight = 1.0 / sd**2
     middle = float(weight @ time / weight.sum())
-    mean, error = float(weight @ shift / weight.sum()), float(weight.sum() ** -0.5)
+    mean = float(weight @ shift / weight.sum())
+    # Parts that disagree by more than their errors say widen them.
+    excess = max(float(weight @ (shift - mean) ** 2) / max(len(parts) - 1, 1), 1.0)
+    error = math.sqrt(excess / float(weight.sum()))
     drift = drift_sd = math.nan
     if len(parts) > 1:
         spread = float(weight @ (time - middle) ** 2)
-        drift, drift_sd = float(weight @ ((time - middle) * shift)) / spread, spread**-0.5
+        drift, drift_sd = float(weight @ ((time - middle) * shift)) / spread, math.sqrt(excess / spread)
     drifts = len(parts) > 1 and abs(drift) > _SURE * drift_sd
     far = abs(mean) > max(_SURE * error, _LEAST)
     start = mean - drift * middle if drifts else mean
@@ -204,7 +212,7 @@ def _unlocked(record: Record, counts: Counts, stages: Sequence[Stage], sos: Stag
         return []
     smooth = low_pass(part.time, part["torque_in"], PEAK_CUTOFF)
     peak = float(part.time[int(np.argmax(smooth * np.sign(np.median(smooth))))])
-    return [_Part(bend.time, peak - bend.time, math.hypot(bend.sd, _BEND))]
+    return [_Part(bend.time, peak - bend.time, math.hypot(bend.sd, _UNLOCK))]
 
 
 def _run_down(record: Record, counts: Counts, stages: Sequence[Stage], about: float) -> _Part | None:
@@ -244,41 +252,59 @@ def _vibration_parts(record: Record, counts: Counts, stages: Sequence[Stage]) ->
     restless = restlessness(record.vibration)
     noise = np.mean(list(restless.values.values()), axis=0)
     speed = counts.speed()
-    parts = []
-    for sos in (stage for stage in stages if stage.name == "sos"):
-        i = list(stages).index(sos)
-        before = [stage for stage in stages[:i] if stage.name.startswith("fos")]
-        after = [stage for stage in stages[i + 1 :] if stage.name.startswith("fos")]
-        nominal = max(float(np.percentile(speed, 98)), 1e-9)
-        ends = []
-        if before:
-            ends.append((max(before[-1].end - 1.0, before[-1].start), min(sos.start + 1.0, sos.end)))
-        if after:
-            ends.append((max(sos.end - 1.0, sos.start), min(after[0].start + 1.0, after[0].end)))
-        for start, end in ends:
+    nominal = float(np.percentile(speed, 98))
+    best: list[_Part] = []
+    # How mesh noise grows with slip is not known: as the power that explains it best.
+    for power in _POWERS:
+        parts = []
+        for start, end in _exchanges(stages):
             grid = np.arange(start, end, 0.02)
             slip = np.clip(1.0 - np.interp(grid, counts.time, speed) / nominal, 0.0, 1.0)
-            columns = np.column_stack([np.ones_like(grid), slip**2, slip])
-            # The grid is on the torques' clock and the board's is asked for: the shift found is the board's lag.
+            columns = np.column_stack([np.ones_like(grid), slip**power])
             part = _best_shift(grid, columns, lambda at: np.interp(at, restless.time, noise), (-_FAR, _FAR))
-            parts += [_Part(part.time + part.shift, -part.shift, math.hypot(part.sd, _MESH))] if part else []
-    return parts
+            # The grid is on the torques' clock and the board's is asked for: the shift found is the board's lag.
+            if part is not None:
+                sd = math.hypot(part.sd, _MESH * (end - start - 2.0) + 0.02)
+                parts.append(_Part(part.time + part.shift, -part.shift, sd, part.misfit))
+        if parts and (not best or _misfit(parts) < _misfit(best)):
+            best = parts
+    return best
+
+
+def _misfit(parts: Sequence[_Part]) -> tuple[int, float]:
+    return -len(parts), sum(part.misfit for part in parts)
+
+
+def _exchanges(stages: Sequence[Stage]) -> list[tuple[float, float]]:
+    """Return where slip comes and goes, with a second of steady motion beside it."""
+    out = []
+    for i, sos in enumerate(stages):
+        if sos.name != "sos":
+            continue
+        before = [stage for stage in stages[:i] if stage.name.startswith("fos")]
+        after = [stage for stage in stages[i + 1 :] if stage.name.startswith("fos")]
+        if before:
+            out.append((max(before[-1].end - 1.0, before[-1].start), min(sos.start + 1.0, sos.end)))
+        if after:
+            out.append((max(sos.end - 1.0, sos.start), min(after[0].start + 1.0, after[0].end)))
+    return out
 
 
 def _best_shift(
     grid: np.ndarray, columns: np.ndarray, signal: Callable[[np.ndarray], np.ndarray], within: tuple[float, float]
 ) -> _Part | None:
     """Return the shift at which the columns explain ``signal(grid + shift)`` best; None where they hardly do."""
-    base, _ = np.linalg.qr(columns)
+    base, upper = np.linalg.qr(columns)
 
     def unexplained(shift: float) -> float:
         y = signal(grid + shift)
         y = y - y.mean()
         total = float(y @ y)
         # The last column (acceleration, slip) drives the signal, it never works against it.
-        if total <= 0 or np.linalg.lstsq(columns, y, rcond=None)[0][-1] <= 0:
+        along = base.T @ y
+        if total <= 0 or along[-1] * upper[-1, -1] <= 0:
             return 1.0
-        return (total - float(((base.T @ y) ** 2).sum())) / total
+        return (total - float(along @ along)) / total
 
     low, high = within
     for step in (_COARSE, _FINE):
@@ -296,7 +322,8 @@ def _best_shift(
     independent = effective_size(residual, columns.shape[1])
     variance = float(residual @ residual) / max(independent - columns.shape[1] - 1, 1.0)
     information = float(slope @ slope) * independent / grid.size
-    return _Part(float(grid.mean()), shift, math.sqrt(variance * independent / grid.size / max(information, 1e-30)))
+    sd = math.sqrt(variance * independent / grid.size / max(information, 1e-30))
+    return _Part(float(grid.mean()), shift, sd, float(shares[best]))
 
 
 def _smooth(time: np.ndarray, values: np.ndarray) -> np.ndarray:
