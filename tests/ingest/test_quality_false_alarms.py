@@ -45,6 +45,12 @@ def smooth_stroke() -> np.ndarray:
     return rise(T - 1) - rise(T - 2.5)
 
 
+def braked_counter() -> np.ndarray:
+    left = np.maximum(N - 8.0 - np.arange(N), 0)
+    counts = np.floor(0.6 - 8.2 * np.where(left < 125, left**2 / 250, left - 62.5))
+    return np.asarray(counts - counts[0])
+
+
 SIGNALS: dict[str, Callable[[], np.ndarray]] = {
     "sine": lambda: sine(5),
     "sine with noise": lambda: sine(5) + noise(0.01),
@@ -82,7 +88,7 @@ SIGNALS: dict[str, Callable[[], np.ndarray]] = {
     "triangle": lambda: np.abs((T * 3) % 2 - 1),
     "contact in half of each cycle": lambda: np.maximum(sine(3), 0),
     "counter": lambda: np.floor(T * 100),
-    "counter of a shaft that is braked to rest": lambda: np.floor(900 * np.where(T < 3.99, T, 3.99)),
+    "counter of a shaft that is braked to rest": braked_counter,
     "switched current": lambda: ((T * 50) % 1 < 0.3) * 1.0,
     "wrapping angle": lambda: (T * 7) % (2 * np.pi),
     "speed from an encoder": lambda: np.diff(np.floor(np.cumsum(1 + np.sin(T * 6)) * 0.07), prepend=0) * RATE,
