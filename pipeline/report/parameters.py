@@ -69,12 +69,18 @@ def key_parameters(findings: Findings, experiment: Experiment) -> list[list[Para
     Where none of them was looked for, as in a test that is only half of one, the first others stand in.
     """
     found = [
-        [p for p in findings.find(spec.name) if not spec.key_at or spec.key_at in p.at]
+        _of_all_runs([p for p in findings.find(spec.name) if not spec.key_at or spec.key_at in p.at])
         for spec in experiment.parameters
         if spec.key
     ]
     others = [findings.find(spec.name) for spec in experiment.parameters if not spec.key]
     return [parameters for parameters in found if parameters] or [one for one in others if one][:_MOST_STAND_INS]
+
+
+def _of_all_runs(parameters: list[Parameter]) -> list[Parameter]:
+    """Return the value for the whole campaign alone where there is one beside those of single runs."""
+    whole = [parameter for parameter in parameters if not parameter.at]
+    return whole if whole and all("run" in p.at for p in parameters if p.at) else parameters
 
 
 def key_table(findings: Findings, experiment: Experiment) -> TableView:

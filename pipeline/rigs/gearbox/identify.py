@@ -49,7 +49,7 @@ def identify(recordings: Sequence[Recording], settings: LoadExchangeSettings, co
     if not runs.numbers:
         raise InputError(_nothing_usable(runs, context))
     campaign = campaign_of(runs.numbers)
-    runs.quality += _campaign_faults(campaign)
+    runs.quality = list(dict.fromkeys([*runs.quality, *_campaign_faults(campaign)]))
     levels = [level for run in runs.numbers for level in runs.vibration[run.name].levels]
     parameters = parameters_of(campaign, levels, settings)
     said = judge(campaign, runs.vibration, runs.left_out, runs.quality, settings)

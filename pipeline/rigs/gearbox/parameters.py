@@ -25,6 +25,9 @@ _NO_FOS = "there is no settled FOS"
 _NO_SOS = "there is no settled SOS: the output never stood under load"
 _NO_BRAKE = "the brake did not unlock the gearbox"
 _NO_START = "there is no start-up in the log"
+_PHASES = {
+    "steady": "through the levels of FOS and SOS: the slope of the map only where slipping does not change the drag"
+}
 _STRIBECK = ("c0", "c_s", "w_s", "b0")
 
 
@@ -83,24 +86,28 @@ def _of_load(load: LoadFit | None, names: Sequence[str]) -> list[Estimate]:
 
 
 def _transfer(campaign: CampaignNumbers) -> list[Parameter]:
-    found = _of_transfer(campaign.transfer, {}, "brake rises of all runs, total least squares")
+    several = len([run for run in campaign.runs if "brake" in run.transfers]) > 1
+    told = "T_00 is a mean over the runs' speeds, with which it changes" if several else ""
+    found = _of_transfer(campaign.transfer, {}, "brake rises of all runs, total least squares", told)
     for run in campaign.runs:
         for phase, transfer in run.transfers.items():
-            found += _of_transfer(transfer, {"run": run.name, "phase": phase}, "total least squares")
+            found += _of_transfer(
+                transfer, {"run": run.name, "phase": phase}, "total least squares", _PHASES.get(phase, "")
+            )
     return found
 
 
-def _of_transfer(transfer: Transfer | None, at: OperatingPoint, method: str) -> list[Parameter]:
+def _of_transfer(transfer: Transfer | None, at: OperatingPoint, method: str, told: str = "") -> list[Parameter]:
     names = ("torque_transfer_slope", "torque_transfer_intercept")
     if transfer is None:
         reason = "no brake rise between locked steady motion and unlock was found"
         return [parameter(undetermined(name, reason), at) for name in names]
-    found = [parameter(estimate(names[0], transfer.slope, transfer.slope_error, dof=transfer.dof), at, method=method)]
+    found = [parameter(estimate(names[0], transfer.slope, transfer.slope_error, dof=transfer.dof), at, told, method)]
     if math.isfinite(transfer.intercept):
         one = estimate(names[1], transfer.intercept, transfer.intercept_error, dof=transfer.dof)
     else:
         one = undetermined(names[1], "the drag changes with speed meanwhile")
-    return [*found, parameter(one, at, method=method)]
+    return [*found, parameter(one, at, told if one.determined else "", method)]
 
 
 def _friction(campaign: CampaignNumbers, settings: LoadExchangeSettings) -> list[Parameter]:

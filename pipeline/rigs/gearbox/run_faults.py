@@ -30,7 +30,6 @@ def run_faults(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFind
         *_told(run, run.alignment.problems, None),
         *_told(run, run.segmentation.problems, None),
         *_told(run, run.offsets.problems, None),
-        *_offsets(run),
         *_saturated(run),
         *_not_freed(run),
         *_slips(run, vibration),
@@ -47,18 +46,6 @@ def _told(run: RunNumbers, problems: Iterable[Problem], channel: str | None) -> 
         )
         for problem in problems
     ]
-
-
-def _offsets(run: RunNumbers) -> list[QualityFinding]:
-    found = []
-    missing = [name for name in TORQUES if getattr(run.offsets, name) is None]
-    if missing:
-        text = (
-            "no stretch of zero torque and zero speed before the motor starts: zero offsets unknown. Efficiency, torque ratios and "
-            "T_0 are not given; differences of one sensor are still valid. Log 2 s or more at rest before each run"
-        )
-        found.append(QualityFinding("warning", text, run.name, missing[0] if len(missing) == 1 else None))
-    return found
 
 
 def _saturated(run: RunNumbers) -> list[QualityFinding]:

@@ -122,7 +122,7 @@ def _aligned(record: Record, segmentation: Segmentation, offsets: Offsets, count
     for name in TORQUES:
         offset = getattr(offsets, name)
         free[name] = record.torque[name] if offset is None else record.torque[name] - offset.at(time)
-        zeros[name] = ZeroOffset() if offset is None else ZeroOffset(float(np.mean(offset.at(time[:1]))), offset.sd)
+        zeros[name] = ZeroOffset() if offset is None else ZeroOffset(offset.value, offset.sd, offset.dof)
     stages: dict[str, tuple[float, float]] = {}
     for stage in segmentation.stages:
         stages.setdefault(stage.name, (stage.start, stage.end))
