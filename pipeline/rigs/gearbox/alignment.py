@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -191,7 +192,7 @@ class _FreeMotion:
 def _free(stages: Sequence[Stage]) -> list[tuple[float, float]]:
     """Return where the shaft speeds up without brake, with a second of steady speed behind it."""
     out = []
-    for before, after in zip(stages[:-1], stages[1:], strict=True):
+    for before, after in pairwise(stages):
         if before.name in ("startup", "release") and after.name.startswith("fos"):
             # At the begin of the release the brake still drags.
             start = before.start + (_WINDOW if before.name == "startup" else 0.3 + _WINDOW)
@@ -307,8 +308,8 @@ def _best_shift(
         return (total - float(along @ along)) / total
 
     low, high = within
-    for step in (_COARSE, _FINE):
-        shifts = np.arange(low, high + step, step)
+    for pace in (_COARSE, _FINE):
+        shifts = np.arange(low, high + pace, pace)
         shares = np.array([unexplained(float(shift)) for shift in shifts])
         best = int(np.argmin(shares))
         low, high = float(shifts[max(best - 1, 0)]), float(shifts[min(best + 1, shifts.size - 1)])

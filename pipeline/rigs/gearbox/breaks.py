@@ -17,22 +17,22 @@ Shape = Callable[[np.ndarray], np.ndarray]
 
 def ramp(late: np.ndarray) -> np.ndarray:
     """Zero before the break, rising in proportion to time after it."""
-    return np.maximum(late, 0.0)
+    return np.asarray(np.maximum(late, 0.0))
 
 
 def parabola(late: np.ndarray) -> np.ndarray:
     """Zero before the break, rising with the square of time after it: what an angle does where a speed bends."""
-    return np.maximum(late, 0.0) ** 2
+    return np.asarray(np.maximum(late, 0.0) ** 2)
 
 
 def parabola_before(late: np.ndarray) -> np.ndarray:
     """The same the other way round: falling to zero at the break."""
-    return np.minimum(late, 0.0) ** 2
+    return np.asarray(np.minimum(late, 0.0) ** 2)
 
 
 def ramp_before(late: np.ndarray) -> np.ndarray:
     """Falling or rising in proportion to time up to the break, zero after it."""
-    return np.minimum(late, 0.0)
+    return np.asarray(np.minimum(late, 0.0))
 
 
 def step(late: np.ndarray) -> np.ndarray:

@@ -5,6 +5,8 @@ Arrays in counts only; the meaning of the motion is not looked at.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from pipeline.rigs.gearbox.stages import Problem
@@ -62,7 +64,8 @@ def mended(time: np.ndarray, counts: np.ndarray, turn: float) -> tuple[np.ndarra
         while before > 0 and steps[before - 1] == 0:
             before -= 1
         pause = (time[i + 1] - time[before]) / np.median(np.diff(time))
-        if np.sign(step) == np.sign(typical) and abs(step) <= 1.5 * pause * abs(typical) + limit:
+        ran = before > 0 and abs(float(steps[max(before - 4, 0) : before].mean())) > 0.5 * abs(typical)
+        if ran and np.sign(step) == np.sign(typical) and abs(step) <= 1.5 * pause * abs(typical) + limit:
             continue
         steps[i] = np.clip(typical, -limit, limit)
         jumps.append(i)
@@ -155,7 +158,7 @@ def dropouts(
     ends = np.unique(np.concatenate([moved, np.flatnonzero(np.diff(time) > still)]))
     marks = np.unique(np.concatenate([[0], ends, ends + 1, [time.size - 1]]))
     problems = []
-    for first, last in zip(marks[:-1], marks[1:], strict=True):
+    for first, last in pairwise(marks):
         pause = time[last] - time[first]
         if pause <= still:
             continue
@@ -188,10 +191,7 @@ def dropouts(
 def _rate(time: np.ndarray, counts: np.ndarray, index: int, side: int, many: int = _BESIDE) -> float:
     """Return the counts a second over `many` counts before (`side` -1) or behind `index`; 0 where there are none."""
     goal = counts[index] + side * many
-    if side < 0:
-        other = int(np.searchsorted(counts, goal, side="right")) - 1
-    else:
-        other = int(np.searchsorted(counts, goal))
+    other = int(np.searchsorted(counts, goal, side="right")) - 1 if side < 0 else int(np.searchsorted(counts, goal))
     if other < 0 or other >= time.size or other == index:
         return 0.0
     return float((counts[other] - counts[index]) / (time[other] - time[index]))

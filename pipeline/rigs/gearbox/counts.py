@@ -17,6 +17,8 @@ from pipeline.rigs.gearbox.stages import Problem
 
 # A speed is fitted over this time and so many counts at the least.
 _WINDOW, _COUNTS = 0.1, 30
+# A logged speed without steps has so many different values for its samples; below this share of top speed it stands.
+_ANALOGUE, _SLOW = 0.2, 0.03
 # The shaft stands where no count comes for this time and so many periods of a count at top speed.
 STILL, STILL_COUNTS = 0.1, 8
 
@@ -94,6 +96,11 @@ def _of_speed(time: np.ndarray, speed: np.ndarray) -> Counts:
     sign = -1.0 if np.median(speed[np.abs(speed) >= 0.5 * np.abs(speed).max()]) < 0 else 1.0
     change = np.abs(np.diff(speed))
     quantum = float(change[change > 1e-6 * max(float(np.abs(speed).max()), 1e-30)].min(initial=np.inf))
+    if np.unique(speed).size > _ANALOGUE * speed.size:
+        # Its noise adds up to an angle that never rests: what stays slow for a while stands.
+        smooth = line_slopes(time, np.cumsum(speed * steps), _WINDOW)
+        speed = np.where(np.abs(smooth) < _SLOW * np.percentile(np.abs(smooth), 98), 0.0, speed)
+        quantum = math.inf
     step = quantum * float(np.median(steps)) if math.isfinite(quantum) else 0.0
     angle = np.cumsum(sign * speed * steps)
     text = "the output speed is negative throughout; it is counted as forward"

@@ -60,9 +60,10 @@ def startup_event(record: Record, counts: Counts, stages: Sequence[Stage]) -> Fo
 
 def rundown_event(counts: Counts, stages: Sequence[Stage]) -> Found:
     """Return when the output left nominal speed for good."""
-    stage = next((stage for stage in stages if stage.name == "rundown"), None)
-    if stage is None:
+    i = next((k for k, stage in enumerate(stages) if stage.name == "rundown"), None)
+    if not i or not stages[i - 1].name.startswith("fos"):
         return {}
+    stage = stages[i]
     return _widened({"rundown": _kink(counts, stage.start, min(0.5, 0.7 * stage.duration), 1.0)})
 
 
@@ -79,7 +80,8 @@ def cycle_events(record: Record, counts: Counts, stages: Sequence[Stage], sos: S
     i = list(stages).index(sos)
     found: Found = {}
     before = [stage for stage in stages[:i] if stage.name != "brake"]
-    found["sos_start"] = _stops(counts, sos.start)
+    if i:
+        found["sos_start"] = _stops(counts, sos.start)
     if before and before[-1].name.startswith("fos"):
         found.update(_brake(record, counts, before[-1], found["sos_start"].time))
     after = [stage for stage in stages[i + 1 :] if stage.name != "release"]
@@ -177,6 +179,7 @@ def _brake(record: Record, counts: Counts, fos: Stage, stop: float) -> Found:
     """Return when the brake began to load the gearbox and when the lock broke, both from the input torque."""
     torque = record.torque.part(max(fos.start, fos.end - 4.0), stop + 0.5)
     smooth = low_pass(torque.time, torque["torque_in"], PEAK_CUTOFF)
+    smooth = smooth * np.sign(np.median(smooth))
     candidates = np.flatnonzero((torque.time >= fos.end - 0.8) & (torque.time <= stop + 0.1))
     if not candidates.size:
         return {}
@@ -190,7 +193,8 @@ def _brake(record: Record, counts: Counts, fos: Stage, stop: float) -> Found:
     if not risen.size:
         return found
     block = max(round(0.005 * torque.rate), 1)
-    time, level = block_means(torque.time[: risen[-1] + 1], torque["torque_in"][: risen[-1] + 1], block)
+    rise = slice(0, int(risen[-1]) + 1)
+    time, level = block_means(torque.time[rise], torque["torque_in"][rise], block)
     turned = counts.at(time)
     known = np.isfinite(turned)
     time, level, turned = time[known], level[known], turned[known]

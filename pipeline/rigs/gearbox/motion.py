@@ -66,7 +66,13 @@ def _standing(counts: Counts) -> list[tuple[float, float]]:
     at, _ = edges(counts)
     marks = np.concatenate([[counts.time[0]], at, [counts.time[-1]]])
     long = np.flatnonzero(np.diff(marks) > counts.still)
-    return [(float(marks[i]), float(marks[i + 1])) for i in long if counts.whole(marks[i], marks[i + 1])]
+    out = []
+    for start, end in zip(marks[long], marks[long + 1], strict=True):
+        # Where the counter told nothing, nothing is known: what is left on either side may still be a stand.
+        inside = [gap for gap in counts.gaps if gap[1] > start and gap[0] < end]
+        bounds = [start, *(t for gap in inside for t in gap), end]
+        out += [(float(a), float(b)) for a, b in zip(bounds[::2], bounds[1::2], strict=True) if b - a > counts.still]
+    return out
 
 
 def _ending(runs: list[tuple[int, float, float]]) -> list[tuple[int, float, float]]:

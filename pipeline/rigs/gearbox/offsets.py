@@ -66,7 +66,7 @@ class Offset:
         """Standard error of the zero, N m; a drift adds the spread that a straight line between the ends leaves open."""
         levels = self._known
         if not self.drifts:
-            return sum(level.sd**-2 for level in levels) ** -0.5
+            return 1.0 / math.sqrt(sum(level.sd**-2 for level in levels))
         # Within a straight drift anything may have happened: an even spread over half of it.
         spread = abs(levels[1].value - levels[0].value) / math.sqrt(12.0)
         return math.hypot(max(level.sd for level in levels), 0.5 * spread)
@@ -79,7 +79,9 @@ class Offset:
     def at(self, time: np.ndarray) -> np.ndarray:
         """Return what to take off at `time`, N m, same shape."""
         if self.drifts and self.before is not None and self.after is not None:
-            return np.interp(time, [self.before.time, self.after.time], [self.before.value, self.after.value])
+            return np.asarray(
+                np.interp(time, [self.before.time, self.after.time], [self.before.value, self.after.value])
+            )
         return np.full(np.shape(time), self.value)
 
 

@@ -44,7 +44,7 @@ def segment(record: Record) -> Segmentation:
     stages = _with_ends(stages, found)
     protocol, complete = off_protocol(stages)
     order = sorted((*counts.problems, *problems, *protocol), key=lambda problem: problem.span)
-    return Segmentation(tuple(stages), found, complete, tuple(order), nominal, tuple(cycles))
+    return Segmentation(tuple(stages), found, complete and not problems, tuple(order), nominal, tuple(cycles))
 
 
 def _never_turns(counts: Counts) -> Problem:
@@ -90,7 +90,7 @@ def _moving(before: Span | None, after: Span | None, held: bool, stops: bool) ->
     if before.state == "zero":
         if after is not None and after.state == "nominal":
             return "release" if held else "startup"
-        return "rundown" if held else None
+        return "release" if held and (after is None or stops) else "rundown" if held else None
     if stops:
         return "brake"
     return "rundown" if after is None or after.state == "zero" else None
@@ -105,7 +105,8 @@ def _refined(
         events = cycle_events(record, counts, rough, sos)
         cycles.append(events)
         i = next(k for k, stage in enumerate(stages) if abs(stage.start - sos.start) < 1e-9 and stage.name == "sos")
-        start, end = events["sos_start"].time, events["sos_end"].time if "sos_end" in events else sos.end
+        start = events["sos_start"].time if "sos_start" in events else sos.start
+        end = events["sos_end"].time if "sos_end" in events else sos.end
         stages[i] = Stage("sos", start, end)
         if "brake_onset" in events:
             onset = events["brake_onset"].time
