@@ -229,7 +229,7 @@ def test_creeping_gears_show_a_mesh_line_while_locked():
     ({"noise": -1.0}, "0 or more"),
     ({"encoder_decoding": 3}, "1, 2 or 4"),
     ({"brakes": [[10, 20]]}, "capacity"),
-    ({"duration": 1e6}, "600"),
+    ({"duration": 1e6}, "300 s"),
     ({"log_start": 40.0}, "after the end"),
     ({"encoder_jitter": 0.1}, "half a period"),
     ({"teeth": "60 20"}, "60 20 100"),

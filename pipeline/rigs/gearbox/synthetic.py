@@ -86,49 +86,29 @@ def _wander(rng: np.random.Generator, n: int, step: float, sd: float, memory: fl
 
 def _torques(truth: GearboxTruth, motion: Motion, rng: np.random.Generator) -> Stream:
     stamps, moments = _clock(truth, truth.torque_rate)
-    n, share = stamps.size, stamps / max(stamps[-1], 1e-9)
-    resolution = truth.torque_span / 2**truth.torque_bits
-    channels = {}
-    for name, angle, speed, ripple, drift, offset, change, gain in (
-        (
-            "torque_in",
-            motion.theta1,
-            motion.w1,
-            truth.ripple_in,
-            truth.drift_in,
-            truth.offset_in,
-            truth.offset_change_in,
-            truth.gain_in,
-        ),
-        (
-            "torque_out",
-            motion.theta2,
-            motion.w2,
-            truth.ripple_out,
-            truth.drift_out,
-            truth.offset_out,
-            truth.offset_change_out,
-            truth.gain_out,
-        ),
-    ):
-        turned = _at(motion, angle, moments)
-        once, twice = rng.uniform(0.0, 2.0 * np.pi, 2)
-        waves = (
-            ripple * (np.sin(turned + once) + 0.6 * np.sin(2.0 * turned + twice)) * (_at(motion, speed, moments) > 0.0)
-        )
-        noise = truth.torque_noise * rng.standard_normal(n) + _wander(
-            rng, n, 1.0 / truth.torque_rate, drift, truth.drift_memory
-        )
-        values = (
-            gain * (_at(motion, getattr(motion, name), moments) + waves) + truth.noise * noise + offset + change * share
-        )
-        steps = np.clip(
-            np.round(values / resolution), -(2 ** (truth.torque_bits - 1)), 2 ** (truth.torque_bits - 1) - 1
-        )
-        channels[name] = steps * resolution
+    found = {f"torque_{side}": _torque(truth, motion, side, moments, rng) for side in ("in", "out")}
     if truth.swap_torques:
-        channels = {"torque_in": channels["torque_out"], "torque_out": channels["torque_in"]}
-    return Stream("torque", stamps, {name: Channel(name, values, "N*m") for name, values in channels.items()})
+        found = {"torque_in": found["torque_out"], "torque_out": found["torque_in"]}
+    return Stream("torque", stamps, {name: Channel(name, values, "N*m") for name, values in found.items()})
+
+
+def _torque(
+    truth: GearboxTruth, motion: Motion, side: str, moments: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Return what the torque sensor of the `side` "in" or "out" reads, N m, shape (n,)."""
+    shaft = "1" if side == "in" else "2"
+    real, angle, speed = (
+        _at(motion, getattr(motion, name), moments) for name in (f"torque_{side}", f"theta{shaft}", f"w{shaft}")
+    )
+    once, twice = rng.uniform(0.0, 2.0 * np.pi, 2)
+    waves = getattr(truth, f"ripple_{side}") * (np.sin(angle + once) + 0.6 * np.sin(2.0 * angle + twice))
+    white = truth.torque_noise * rng.standard_normal(moments.size)
+    drift = _wander(rng, moments.size, 1.0 / truth.torque_rate, getattr(truth, f"drift_{side}"), truth.drift_memory)
+    share = (moments - moments[0]) / max(moments[-1] - moments[0], 1e-9)
+    offset = getattr(truth, f"offset_{side}") + getattr(truth, f"offset_change_{side}") * share
+    reading = getattr(truth, f"gain_{side}") * (real + waves * (speed > 0.0)) + truth.noise * (white + drift) + offset
+    bit, most = truth.torque_span / 2**truth.torque_bits, 2 ** (truth.torque_bits - 1)
+    return np.asarray(bit * np.clip(np.round(reading / bit), -most, most - 1))
 
 
 def _encoder(truth: GearboxTruth, motion: Motion, rng: np.random.Generator) -> Stream:

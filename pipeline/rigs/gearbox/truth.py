@@ -192,7 +192,7 @@ _ZERO_OR_MORE = (
     "brake_capacity", "noise", "torque_noise", "drift_in", "drift_out", "dropout_time", "encoder_log_rate",
     "encoder_jitter", "creep", "log_start",
 )  # fmt: skip
-_LONGEST = 600.0
+_LONGEST = 300.0
 
 
 def _checked(truth: GearboxTruth) -> None:
