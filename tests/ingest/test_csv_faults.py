@@ -176,3 +176,25 @@ def test_a_file_is_not_held_in_memory(tmp_path: Path) -> None:
     assert rows == 4_000_000
     # Arrays of the whole would be 64 MB, their texts several times that; libraries loaded on the way count too.
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 250_000
+
+
+def test_points_that_may_part_thousands_are_told_with_what_they_would_mean(tmp_path: Path) -> None:
+    numbers = [f"{k * 77:,}".replace(",", ".") for k in range(100)]
+    notes = READER.open(written(tmp_path, "t;F\n" + "".join(f"{k};{n}\n" for k, n in enumerate(numbers)))).notes
+    [note] = [note for note in notes if "may part thousands" in note.message]
+    assert note.level == "warning"
+    assert "'1.001' is then 1001" in note.message
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [f"{k};{1 + k / 8:.3f}" for k in range(100)],  # three decimals throughout
+        [f"{k};{k * 0.125:g}" for k in range(100)],  # as many decimals as it takes
+        [f"{k / 1000:.3f};{k * 77}" for k in range(100)],  # whole numbers, and a time with decimals
+        [f"{k / 100:.2f};{n}" for k, n in enumerate(["1.001", "12", "999"] * 30)],  # another column settles it
+    ],
+)
+def test_decimal_points_are_not_taken_for_those_of_thousands(tmp_path: Path, rows: list[str]) -> None:
+    notes = READER.open(written(tmp_path, "\n".join(["t;F", *rows]) + "\n")).notes
+    assert not [note for note in notes if "thousands" in note.message]

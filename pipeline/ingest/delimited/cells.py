@@ -139,3 +139,20 @@ def notation(texts: Iterable[str], where: str) -> tuple[Notation, str | None]:
     grouping = next(iter(groups), other if decimals and other in doubtful else "")
     doubt = doubtful.get(",") if not decimals and not groups else None
     return Notation(decimal, grouping), doubt
+
+
+def doubtful_points(columns: Iterable[Sequence[str]]) -> str | None:
+    """Return a number whose point may part thousands, None where none may: for files without any other decimal sign.
+
+    In such a column each point has one to three digits before it, no leading zero, and exactly three behind, and
+    whole numbers without a point stand beside them. With three decimals all of them would have a point.
+    """
+    doubtful = None
+    for texts in columns:
+        with_point = [text for text in texts if "." in text]
+        without = [text for text in texts if "." not in text and is_number(text)]
+        if not all((match := _GROUPED.fullmatch(text)) and match[1] == "." and not match[3] for text in with_point):
+            return None
+        if with_point and without and all(len(text.lstrip("+-\u2212")) <= 3 for text in without):
+            doubtful = doubtful or with_point[0]
+    return doubtful

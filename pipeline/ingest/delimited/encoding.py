@@ -1,14 +1,17 @@
 """Which characters the bytes of a text file stand for.
 
-Judged from the first bytes: a byte-order mark, the zeros of UTF-16, valid UTF-8, and else by which legacy
-encoding yields characters that people write. It does not guess languages, only what labs meet.
+Judged from the first bytes: a byte-order mark, the zeros of UTF-16, valid UTF-8, and else by which legacy encoding
+yields the words that headers are made of, or at least characters that people write. Only what labs meet is thought of.
 """
 
 from __future__ import annotations
 
 import codecs
+import re
 import unicodedata
 from dataclasses import dataclass
+
+from pipeline.recording.unit_words import symbol_of
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -17,7 +20,21 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16-le"),
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
+# In the order in which they are met; those of the second line are believed only where they yield words of headers.
+_JUDGED = ("cp1252", "gb18030", "shift_jis", "cp850", "cp1251")
+_BY_WORDS_ONLY = ("cp949", "koi8_r", "cp866", "big5", "euc_jp")
+# What headers call channels, beside the units that are written out; in lower case.
+_HEADINGS = frozenset(
+    word
+    for words in (
+        "время перемещение ход усилие сила нагрузка ток деформация частота напряжение давление температура момент",
+        "时间 位移 力 载荷 电流 频率 压力 温度 時間 應力 荷重 変位 電流 周波数 時刻 荷載 溫度",
+        "시간 변위 하중 힘 전류 주파수 압력 온도 변형률 토크",
+    )
+    for word in words.split()
+)
 _SIGNS = set("°µ²³±×·Ω§–—’“”€½Øøπ")
+_WORD = re.compile(r"[^\W\d_]+")
 _CONTROLS = bytes(set(range(32)) - set(b"\t\n\r\f\v\x1a\x1b"))
 
 
@@ -43,6 +60,8 @@ def detect(head: bytes) -> Encoding | None:
     'cp1252'
     >>> detect("时间,位移,力".encode("gb18030")).codec
     'gb18030'
+    >>> detect("Время;Ход\\nс;мм".encode("cp1251")).codec
+    'cp1251'
     """
     for mark, codec in _MARKS:
         if head.startswith(mark):
@@ -54,7 +73,10 @@ def detect(head: bytes) -> Encoding | None:
     if _decodes(head, "utf-8"):
         return Encoding("utf-8")
     words = _foreign_words(head)
-    scores = {codec: _plausibility(words, codec) for codec in ("cp1252", "gb18030", "shift_jis", "cp850")}
+    known = {codec: _known_words(words, codec) for codec in (*_JUDGED, *_BY_WORDS_ONLY)}
+    if max(known.values(), default=0):
+        return Encoding(max(known, key=lambda codec: (known[codec], _plausibility(words, codec))))
+    scores = {codec: _plausibility(words, codec) for codec in _JUDGED}
     best = max(scores, key=lambda codec: scores[codec])  # the first of equals
     if scores[best] > 0:
         return Encoding(best)
@@ -102,6 +124,21 @@ def _foreign_words(head: bytes) -> list[bytes]:
     return [word for word in head.split(b"\n")[:20000] if not word.isascii()][:500]
 
 
+def _known_words(words: list[bytes], codec: str) -> int:
+    """Return how many different words are names of units or channels; 0 where a word does not decode."""
+    found = set()
+    for word in words:
+        try:
+            text = word.decode(codec)
+        except UnicodeDecodeError:
+            return 0
+        for part in _WORD.findall(text):
+            is_word = not part.isascii() and (len(part) > 1 or part.lower() == part.upper())  # letters alone say little
+            if is_word and (part.lower() in _HEADINGS or symbol_of(part) is not None):
+                found.add(part)
+    return len(found)
+
+
 def _plausibility(words: list[bytes], codec: str) -> float:
     """Return the mean likeliness, 0 to 1, of the characters beyond ASCII; 0 where a word does not decode."""
     total, count = 0.0, 0
@@ -110,6 +147,11 @@ def _plausibility(words: list[bytes], codec: str) -> float:
             text = word.decode(codec)
         except UnicodeDecodeError:
             return 0.0
+        if codec == "cp1251":
+            likely = [value for part in _WORD.findall(text) for value in _cyrillic(part)]
+            likely += [1.0 for sign in text if sign in _SIGNS]
+            total, count = total + sum(likely), count + len(likely)
+            continue
         for before, character in zip(" " + text, text, strict=False):
             if not character.isascii():
                 total += _likeliness(before, character, codec)
@@ -149,3 +191,12 @@ def _japanese(character: str) -> float:
         return 0.25
     lead = character.encode("shift_jis")[0]
     return 0.95 if 0x88 <= lead <= 0x97 else 0.3
+
+
+def _cyrillic(word: str) -> list[float]:
+    """Return how likely each letter beyond ASCII is: capitals begin words or fill them, and no word mixes alphabets."""
+    foreign = [letter for letter in word if not letter.isascii()]
+    is_mixed = len(foreign) < len(word)
+    capitals_fit = word.isupper() or word[1:].islower() or len(word) == 1
+    likely = 1.0 if capitals_fit and not is_mixed else 0.1
+    return [likely if "\u0410" <= letter <= "\u0451" else 0.1 for letter in foreign]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError, listing
 from pipeline.ingest.delimited.body import Body, Row, find_body
-from pipeline.ingest.delimited.cells import Notation, is_number, notation
+from pipeline.ingest.delimited.cells import Notation, doubtful_points, is_number, notation
 from pipeline.ingest.delimited.columns import FIRST_ROWS, Column, Stamp, entry_columns, find_stamp, named_columns
 from pipeline.ingest.delimited.delimiter import detect
 from pipeline.ingest.delimited.dialect import Dialect
@@ -102,6 +102,8 @@ def survey(path: Path) -> Survey:
     columns = named_columns(body, labview_units(labview), fit.dialect.around)
     numbers = (row[c.index] for c in columns if c.kind == "number" for row in body.rows if is_number(row[c.index]))
     written, doubt = notation(numbers, where)
+    if written == Notation():
+        doubt = doubtful_points([row[c.index] for row in body.rows] for c in columns if c.kind == "number")
     stamp = find_stamp(columns, body.rows)
     regular = regular_clock(columns, body.rows, labview, written)
     beside = entry_columns(columns, body.rows)
@@ -246,7 +248,16 @@ def _notes(layout: Layout, lines: Sequence[Line], body: Body, doubt: str | None)
                 "note", f"Time is counted from {clock.start:g} s in steps of {clock.step:g} s, as the file tells."
             )
         )
-    if doubt is not None:
+    if doubt is not None and layout.notation.decimal == ".":
+        notes.append(
+            QualityFinding(
+                "warning",
+                f"Numbers such as '{doubt}' are read with a decimal point, but beside them stand whole numbers without "
+                "one, and every point has three digits behind it: it may part thousands. If it does, all these numbers "
+                f"are wrong ('{doubt}' is then {doubt.replace('.', '')}): write the file without points between thousands.",
+            )
+        )
+    elif doubt is not None:
         notes.append(
             QualityFinding(
                 "warning",

@@ -24,7 +24,7 @@ class DelimitedReader(Reader):
     """Reads any text file that holds one table of numbers."""
 
     name: ClassVar[str] = "delimited text"
-    version: ClassVar[int] = 2
+    version: ClassVar[int] = 3
     suffixes: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".log")
 
     def recognises(self, head: bytes, suffix: str) -> bool:
