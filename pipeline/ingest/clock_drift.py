@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
+from pipeline.ingest.clock import TimeSource
 from pipeline.ingest.mapping import Source
 from pipeline.ingest.naming import plain
-from pipeline.ingest.timebase import TimeSource
 from pipeline.recording import QualityFinding
 
 _STAMPS = {"stamp", "time", "timestamp", "device_time", "t"}

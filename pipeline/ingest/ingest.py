@@ -12,13 +12,14 @@ from pathlib import Path
 
 from pipeline import __version__
 from pipeline.errors import InputError, listing
+from pipeline.ingest.clock import align
 from pipeline.ingest.mapping import ChannelMap, Selection, Source, resolve
 from pipeline.ingest.naming import ChannelLike
 from pipeline.ingest.passage import Passage
 from pipeline.ingest.quality import of_run, summed
 from pipeline.ingest.registry import open_log, reader_for
 from pipeline.ingest.stream import StreamInSI
-from pipeline.ingest.timebase import align, find_times
+from pipeline.ingest.timebase import find_times
 from pipeline.recording import Condition, Provenance, QualityFinding, Recording, SourceFile
 from pipeline.recording.storage import (
     add_quality,

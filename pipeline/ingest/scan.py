@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.ingest.clock import TimeSource, align
 from pipeline.ingest.ingest import opened
 from pipeline.ingest.mapping import ChannelMap, SelectedChannel, Selection, Source, refuse_time_alone, resolve
 from pipeline.ingest.naming import ChannelLike
@@ -19,7 +20,7 @@ from pipeline.ingest.passage import Passage
 from pipeline.ingest.quality import StreamSummary, summed
 from pipeline.ingest.reader import RawChannel, RawLog
 from pipeline.ingest.stream import StreamInSI
-from pipeline.ingest.timebase import TimeSource, align, find_times
+from pipeline.ingest.timebase import find_times
 from pipeline.recording import QualityFinding
 from pipeline.recording.units import conversion
 

@@ -14,17 +14,20 @@ import numpy as np
 
 from pipeline.errors import InputError, counted
 from pipeline.ingest.blocks import Block, rebatched, rows_of
+from pipeline.ingest.clock import Clock, TimeSource
 from pipeline.ingest.clock_drift import ClockDrift, other_clock
 from pipeline.ingest.mapping import Selection
 from pipeline.ingest.quality.sampling import Sampling
 from pipeline.ingest.row_order import reordered
 from pipeline.ingest.sentinels import SentinelWatch
 from pipeline.ingest.stamps import Repair, repair
-from pipeline.ingest.timebase import Clock, TimeSource, stated_rate
+from pipeline.ingest.timebase import stated_rate
 from pipeline.recording import QualityFinding
 
 # Larger numbers measure nothing: they are a logger's way to write "no value".
 _INFINITE = 1e100
+# As many stamps tell the usual step between them.
+_SEVERAL = 1000
 # A stated rate is rounded; stamps may be off from it by so much.
 _RATE_TOLERANCE = 1e-3
 
@@ -49,7 +52,7 @@ class StreamInSI:
     Attributes
     ----------
     time, clock
-        Where its time comes from; `pipeline.ingest.timebase.align` may shift it before `pass_to`.
+        Where its time comes from; `pipeline.ingest.clock.align` may shift it before `pass_to`.
     repairs
         What was changed, complete after `pass_to`.
     beyond
@@ -191,7 +194,9 @@ class StreamInSI:
             stamps = stamps[keep]
             timeless.count(~np.isfinite(logged), row)
         if stamps.size:
-            self.clock.start(float(stamps[0]))
+            self.clock.start(
+                float(stamps[0]), float(np.median(np.diff(stamps[:_SEVERAL]))) if stamps.size > 1 else np.nan
+            )
         return self.clock.seconds(stamps), keep
 
     def _channels(

@@ -1,7 +1,6 @@
-"""Which channel of a table is time and in which unit, and how its numbers become seconds of the run.
+"""Which channel of a table is time and in which unit, or at which rate its samples are counted.
 
-Relative times stay as they were logged; times that count from 1970 or have a date count from the
-earliest stamp of the run. What is wrong with the stamps is mended in `pipeline.ingest.stamps`.
+What its numbers mean is in `clock`; what is wrong with the stamps is mended in `stamps`.
 """
 
 from __future__ import annotations
@@ -9,16 +8,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from datetime import UTC, datetime
 
 import numpy as np
 
 from pipeline.errors import InputError, listing, nearest
+from pipeline.ingest.clock import TimeSource
 from pipeline.ingest.mapping import ChannelMap, Source, columns_listing, is_table
 from pipeline.ingest.naming import matching, plain, shown
 from pipeline.recording import QualityFinding
-from pipeline.recording.units import conversion, quantity
+from pipeline.recording.units import quantity
 
 # What loggers call their time, the likeliest first.
 _NAMES = (
@@ -30,105 +28,11 @@ _NAMES = (
 )  # fmt: skip
 _UNIT_SUFFIX = re.compile(r"(?:[_.]\(?|\()(s|sec|secs|seconds|ms|msec|us|usec|µs|μs|ns|nsec|min|h)\)?$")
 _UNIT_OF_NAME = {"millis": "ms", "milliseconds": "ms", "micros": "us", "microseconds": "us", "nanoseconds": "ns"}
-_SECONDS = {
-    "s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "second": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6,
-    "usec": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "nsec": 1e-9, "min": 60.0, "h": 3600.0,
-}  # fmt: skip
 _RATE_NAMES = ("fs", "f_s", "sample_rate", "sampling_rate", "samplerate", "samplingrate", "sample_frequency",
                "sampling_frequency", "abtastrate", "samples_per_second")  # fmt: skip
 _STEP_NAMES = ("ts", "dt", "delta_t", "sample_time", "sampling_time", "sample_interval", "sampling_interval",
                "sample_period", "sampling_period", "abtastzeit", "time_step", "timestep")  # fmt: skip
 _LINE = '`time: {channel: "<name in the log>", unit: s}`'
-# Seconds since 1970 that a log may bear: 1998 to 2103.
-_EPOCH = (0.9e9, 4.2e9)
-_EPOCH_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-
-
-@dataclass(frozen=True)
-class TimeSource:
-    """Where a table's time comes from: a channel in a unit, or counted samples at a rate (Hz).
-
-    `stated` tells whether someone stated the unit; numbers since 1970 are recognised either way.
-    """
-
-    channel: str | None
-    unit: str = "s"
-    stated: bool = False
-    rate: float | None = None
-    notes: tuple[QualityFinding, ...] = ()
-
-
-class Clock:
-    """Turns a table's stamps into seconds of the run; `start` must have seen the first stamp.
-
-    Attributes
-    ----------
-    begins
-        Seconds since 1970 of the first stamp; None for relative times.
-    shift
-        Seconds added to all, set by `align`.
-    """
-
-    def __init__(self, source: Source, time: TimeSource) -> None:
-        self.where = source.where
-        self.time = time
-        self.begins: float | None = None
-        self.shift = 0.0
-        self.notes: list[QualityFinding] = list(time.notes)
-        self._zero = 0.0
-        self._factor = 1.0
-        self._absolute_start = source.table.absolute_start
-        self._started = False
-
-    def start(self, first: float) -> None:
-        """Learn from the first stamp, as logged, whether times count from 1970 and in which unit."""
-        if self._started:
-            return
-        self._started = True
-        if self.time.channel is None:
-            return
-        self._factor = _seconds_per(self.time.unit, self.where, self.time.channel)
-        if self._absolute_start is not None:
-            self.begins = _seconds_since_1970(self._absolute_start) + first * self._factor
-            self._zero = first
-            return
-        unit = _epoch_unit(first, self._factor)
-        if unit is None:
-            return
-        if self.time.stated and _EPOCH_UNITS[unit] != self._factor:
-            said = f"'{self.time.channel}' has the unit {self.time.unit}, but its numbers are {unit} since 1970"
-            self.notes.append(QualityFinding("warning", f"{self.where}: {said}; they are taken so."))
-        self._factor = _EPOCH_UNITS[unit]
-        self._zero = first
-        self.begins = first * self._factor
-
-    def seconds(self, stamps: np.ndarray) -> np.ndarray:
-        """Return stamps (n,) as seconds of the run."""
-        if self._zero == 0.0 and self._factor == 1.0 and self.shift == 0.0:
-            return stamps
-        return (stamps - self._zero) * self._factor + self.shift
-
-
-def align(clocks: Sequence[Clock]) -> list[str]:
-    """Let absolute clocks count from the earliest stamp of the run; say so for the provenance."""
-    absolute = [clock.begins for clock in clocks if clock.begins is not None]
-    if not absolute:
-        return []
-    earliest = min(absolute)
-    for clock in clocks:
-        if clock.begins is not None:
-            clock.shift = clock.begins - earliest
-    relative = [clock for clock in clocks if clock.begins is None]
-    for clock in relative:
-        clock.notes.append(
-            QualityFinding(
-                "warning",
-                f"{clock.where}: its times have no date but those of the run's other streams have; they cannot be "
-                f"aligned and are kept as logged.",
-            )
-        )
-    moment = datetime.fromtimestamp(earliest, UTC)
-    return [f"Absolute times were made relative: second 0 is {moment:%Y-%m-%dT%H:%M:%S}.{moment.microsecond:06d}Z."]
 
 
 def find_times(sources: Sequence[Source], entry: ChannelMap | None) -> list[TimeSource]:
@@ -228,37 +132,6 @@ def _bare(name: str) -> str:
         return text
     stripped = _UNIT_SUFFIX.sub("", text)
     return stripped.rstrip("_. ") or text
-
-
-def _seconds_per(unit: str, where: str, channel: str) -> float:
-    known = _SECONDS.get(unit.strip().strip("[]()").strip())
-    if known is not None:
-        return known
-    try:
-        return conversion(unit, "s", f"{where}, channel '{channel}'").factor
-    except InputError as error:
-        raise InputError(
-            f"{error} Give the unit of time in the recipe, under 'channels': "
-            f'`time: {{channel: "{channel}", unit: s}}`.'
-        ) from error
-
-
-def _epoch_unit(first: float, factor: float) -> str | None:
-    """Return the unit in which `first` is a moment of our days, None where it is a relative time.
-
-    Another unit than the stated one is thought of only where the stated one leads beyond our days: a
-    counter of microseconds since power-on passes 1e9 too.
-    """
-    if first * factor > _EPOCH[1]:
-        return next((unit for unit, s in _EPOCH_UNITS.items() if _EPOCH[0] <= first * s <= _EPOCH[1]), None)
-    if first * factor < _EPOCH[0]:
-        return None
-    return next((unit for unit, s in _EPOCH_UNITS.items() if s == factor), None)
-
-
-def _seconds_since_1970(text: str) -> float:
-    moment = datetime.fromisoformat(text)
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def stated_rate(source: Source, but: str | None = None) -> tuple[float, str] | None:

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.ingest.clock import align
 from pipeline.ingest.mapping import ChannelMap, SelectedChannel, Source, resolve
 from pipeline.ingest.quality import StreamQuality
 from pipeline.ingest.reader import RawChannel, RawLog, RawTable
 from pipeline.ingest.stream import StreamInSI
-from pipeline.ingest.timebase import align, find_times
+from pipeline.ingest.timebase import find_times
 from pipeline.recording import QualityFinding
 
 

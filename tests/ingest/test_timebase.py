@@ -7,9 +7,10 @@ import pytest
 from memory_log import MemoryTable, Spec, sources_of, streamed
 
 from pipeline.errors import InputError
+from pipeline.ingest.clock import TimeSource
 from pipeline.ingest.mapping import ChannelMap
 from pipeline.ingest.quality.sampling import Sampling
-from pipeline.ingest.timebase import TimeSource, find_times
+from pipeline.ingest.timebase import find_times
 
 FORCE = Spec("force", "N")
 N = 1000
@@ -170,3 +171,35 @@ def test_words_where_time_is_expected_are_shown() -> None:
     words = np.array(["yesterday"] * N, dtype=object)
     with pytest.raises(InputError, match=r"'time'.*text.*'yesterday'"):
         found({"time": words})
+
+
+@pytest.mark.parametrize(("first", "name"), [(739000.5, "MATLAB"), (45041.25, "Excel")])
+def test_stamps_that_no_rig_is_fast_enough_for_are_days(first: float, name: str) -> None:
+    table = MemoryTable({"time": first + SECONDS / 86400.0, "force": VALUES}, {"force": "N"})
+    (stream,), (sink,) = streamed(table, specs=[FORCE])
+    resolution = 86400.0 * np.spacing(first)
+    np.testing.assert_allclose(sink.time, SECONDS, atol=resolution)
+    [note] = stream.clock.notes
+    assert note.level == "warning"
+    assert "2023-04-24" in note.message
+    assert name in note.message
+
+
+def test_days_that_the_unit_states_have_a_date_and_slow_ones_without_are_only_suspected() -> None:
+    days = 739000.5 + 10.0 * SECONDS  # a reading every half hour
+    table = MemoryTable({"time": days, "force": VALUES}, {"time": "d", "force": "N"})
+    (stream,), (sink,) = streamed(table, specs=[FORCE])
+    np.testing.assert_allclose(sink.time, 864000.0 * SECONDS, atol=1e-3)
+    assert [note.level for note in stream.clock.notes] == ["note"]
+    table = MemoryTable({"time": days, "force": VALUES}, {"force": "N"})
+    (stream,), (sink,) = streamed(table, specs=[FORCE])
+    np.testing.assert_array_equal(sink.time, days)
+    [note] = stream.clock.notes
+    assert "if they are days, say `time: {unit: d}` in the recipe" in note.message
+
+
+def test_seconds_since_power_on_are_no_days() -> None:
+    table = MemoryTable({"time": 46000.0 + SECONDS, "force": VALUES}, {"force": "N"})
+    (stream,), (sink,) = streamed(table, specs=[FORCE])
+    np.testing.assert_array_equal(sink.time, 46000.0 + SECONDS)
+    assert stream.clock.notes == []

@@ -24,7 +24,7 @@ def nothing_usable(left_out: Mapping[str, str], recordings: Sequence[Recording])
     for run, reason in left_out.items():
         by_reason.setdefault(reason, []).append(run)
     told = list(by_reason.items())[:_REASONS_TOLD]
-    parts = [f"{_named(runs, recordings)}: {reason}" for reason, runs in told]
+    parts = [f"{_named(runs, recordings)}: {reason.rstrip('.')}" for reason, runs in told]
     others = [run for reason, runs in list(by_reason.items())[_REASONS_TOLD:] for run in runs]
     if others:
         parts.append(f"{counted(len(others), 'more run')} for reasons of their own: {listing(others, _RUNS_TOLD)}")
