@@ -63,7 +63,8 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
                 QualityFinding(
                     "warning",
                     "the loop of force over displacement runs the wrong way round, as if the sample gave energy, though "
-                    "force rises with displacement: the two channels may be swapped, or the force leads by a wrong clock.",
+                    "force rises with displacement: the force may be late (a filter, or clocks that are offset), or the two channels "
+                    "swapped.",
                 )
             )
     pads = pads_of(recording)

@@ -17,6 +17,7 @@ from pipeline.rigs.mre.shear_check import MODULUS_RANGE
 from pipeline.rigs.mre.shear_labels import say_labels
 from pipeline.rigs.mre.shear_sampling import say_coarse
 from pipeline.rigs.mre.shear_sorted import SortedRuns
+from pipeline.rigs.mre.shear_trend import say_trend
 from pipeline.rigs.mre.shear_unsteady import LAG_SAID, say_unsteady
 
 _REMANENCE = 5e-3  # T
@@ -45,10 +46,11 @@ def say_faults(runs: SortedRuns, recordings: Sequence[Recording]) -> list[str]:
 
 
 def say_faults_of_fit(runs: SortedRuns, fit: DynamicFit) -> list[str]:
-    """Add what a fit shows; return what casts doubt on the numbers. A rejected fit shows nothing."""
+    """Add what a fit shows; return what casts doubt on the numbers. A rejected fit shows no more than a trend."""
+    trend = say_trend(runs, fit)
     if fit.rejected:
-        return []
-    return [doubt for doubt in (_lag(runs, fit), _mass(fit), _scatter(fit), _drift(runs, fit)) if doubt]
+        return [trend] if trend else []
+    return [doubt for doubt in (_lag(runs, fit), _mass(fit), trend or _scatter(fit)) if doubt]
 
 
 def mains_instead(fit: DynamicFit, loops: Sequence[Loop], options: FitOptions, mains: float, runs: SortedRuns) -> None:
@@ -75,14 +77,14 @@ def mains_instead(fit: DynamicFit, loops: Sequence[Loop], options: FitOptions, m
 
 
 def _lag(runs: SortedRuns, fit: DynamicFit) -> str:
-    """Say a lag, and doubt stiffness that it would bias if it came from a filter and not from a delay.
+    """Say how late or early the force is, and doubt stiffness that a filter would bias and no shift of clocks does.
 
-    A first-order filter with the same delay also lowers the force, by (omega lag)^2 / 2.
+    A first-order filter of the same delay also lowers its signal, by (omega lag)^2 / 2.
     """
     lag = fit.force_lag
     if lag.value is None or abs(lag.value) <= LAG_SAID or fit.held_lag is not None:
         return ""
-    late = "late" if lag.value > 0 else "early"
+    late, filtered = ("late", "force") if lag.value > 0 else ("early", "displacement")
     runs.say(
         "warning",
         None,
@@ -97,8 +99,8 @@ def _lag(runs: SortedRuns, fit: DynamicFit) -> str:
     if k1 is None or off < 2 * (k1.std_error or 0.0):
         return ""
     return (
-        f"The lag of {abs(lag.value) * 1e6:.0f} us is taken for a delay. If it is that of a filter (conditioner, anti-alias), "
-        f"stiffness at {quick.frequency:.3g} Hz is off by {100 * droop:.2g} %, {off:.2g} N/m, which is more than the error of "
+        f"That the force is {abs(lag.value) * 1e6:.0f} us {late} is taken for a shift of the clocks. If it is that of a filter "
+        f"of the {filtered} (conditioner, anti-alias), stiffness at {quick.frequency:.3g} Hz is off by {100 * droop:.2g} %, {off:.2g} N/m, which is more than the error of "
         "k1: calibrate it with a rigid link and set 'force_lag'."
     )
 
@@ -266,25 +268,3 @@ def _scatter(fit: DynamicFit) -> str:
         f"The force scatters by {100 * fit.run_scatter:.1f} % from run to run; intervals allow for it, but no run can be told "
         "right from wrong. Repeat runs, and check the load cell's mounting."
     )
-
-
-def _drift(runs: SortedRuns, fit: DynamicFit) -> str:
-    """Say a trend of the runs' gain with their order: heating, Mullins effect, relaxation."""
-    order = {u.run: u.sequence for u in runs.loops if u.sequence is not None and u.run in fit.gain_by_run}
-    if len(order) < 6 or len(set(order.values())) < 6:
-        return ""
-    index = np.array([float(value) for value in order.values() if value is not None])
-    gain = np.array([fit.gain_by_run[run] for run in order])
-    centred = index - index.mean()
-    slope = float(centred @ gain / (centred @ centred))
-    rest = gain - gain.mean() - slope * centred
-    sd = math.sqrt(float(rest @ rest) / (index.size - 2) / float(centred @ centred))
-    total = slope * float(np.ptp(index))
-    if not (sd > 0 and abs(slope) > 4 * sd and abs(total) > 2e-3):
-        return ""
-    doubt = (
-        f"Stiffness changes by {100 * total:+.1f} % from the first to the last run of the sequence: heating, Mullins "
-        "effect or relaxation. Bracket the campaign with repeated runs at 0 A; intervals do not hold this trend."
-    )
-    runs.say("warning", None, doubt)
-    return doubt

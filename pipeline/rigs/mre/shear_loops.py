@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.rigs.mre.loop import Loop, curve, fit_loop, loop_metrics
+from pipeline.rigs.mre.backward_loops import runs_backward
+from pipeline.rigs.mre.loop import Loop, curve, fit_loop
 from pipeline.rigs.mre.shear import ShearSettings
 from pipeline.rigs.mre.shear_cycles import wander_of
 from pipeline.rigs.mre.shear_samples import Series, UnfitError, clipping
-from pipeline.rigs.mre.shear_sampling import may_be_alias, rate_of
 from pipeline.rigs.mre.shear_sorted import SortedRuns, UsableRun
 from pipeline.signals.periodicity import Excitation
 
@@ -60,10 +60,14 @@ def add_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
             "more than its noise. A loose cable, or the wrong channel",
             "force",
         )
-    wrong = _clipped_force(usable.series) or _wrong_way_round(loop, usable)
+    wrong = _clipped_force(usable.series)
     if wrong:
         runs.leave_out(run, wrong, "force")
         runs.faulty.append(replace(usable, series=series, loop=loop))
+        return
+    known_lag = settings.force_lag if settings.force_lag != "fit" else usable.told_lag
+    if runs_backward(loop, known_lag or 0.0):
+        runs.backward.append(replace(usable, series=series, loop=loop))
         return
     _say_shape(loop, usable.excitation, runs)
     runs.loops.append(replace(usable, series=series, loop=loop, wander=wander_of(series, loop)))
@@ -75,28 +79,6 @@ def _clipped_force(series: Series) -> str:
     if clipped is None:
         return ""
     return f"the force is clipped: {100 * clipped[1]:.1f} % of its samples are flat at {clipped[0]:.5g} N"
-
-
-def _wrong_way_round(loop: Loop, usable: UsableRun) -> str:
-    """Say why a loop that would give energy does so; an empty text for one that takes it."""
-    area = next(e for e in loop_metrics(loop) if e.name == "loop_area")
-    assert area.value is not None
-    if area.value >= -2 * (area.std_error or 0.0):
-        return ""
-    if may_be_alias(usable, loop.frequency):
-        rate = rate_of(usable)
-        return (
-            f"the loop runs the wrong way round (area {area.value:.3g} J: the sample would give energy), and it is logged at only "
-            f"{rate:.4g} samples a second: most likely the alias of a motion faster than {rate / 2:.3g} Hz, which runs backwards. "
-            "Log faster, and give 'frequency'"
-        )
-    falls = (loop.F[0] / loop.X[0]).real < 0
-    seen = "the force falls as the displacement rises" if falls else "though the force rises with the displacement"
-    likely = "the sign of one of them is wrong" if falls else "they are swapped, or the force leads by a wrong clock"
-    return (
-        f"the loop runs the wrong way round (area {area.value:.3g} J: the sample would give energy), {seen}: most likely "
-        f"{likely}. Mend the recipe ('sign: -1', or the channels' names)"
-    )
 
 
 def _settled(series: Series, frequency: float) -> int:

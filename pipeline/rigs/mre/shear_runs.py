@@ -6,13 +6,16 @@ A run that cannot be used is left out with the reason; what is odd about one tha
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import datetime
 
 import numpy as np
 
 from pipeline.errors import InputError, listing
 from pipeline.recording import Recording
+from pipeline.rigs.mre.backward_loops import say_backward
 from pipeline.rigs.mre.shear import ShearSettings
 from pipeline.rigs.mre.shear_loops import add_loop
 from pipeline.rigs.mre.shear_samples import Series, UnfitError, flat_tops, number_of, pads_of, samples_of
@@ -24,6 +27,8 @@ from pipeline.signals.periodicity import classify
 _CURRENT_APART = 0.1
 # A stiffness this many times that of the other runs is no gain error: a unit is wrong.
 _UNIT_FACTOR = 100.0
+# How ingest says when the relative times of a log with absolute ones begin.
+_DATED = re.compile(r"second 0 is (\d{4}-\d\d-\d\dT[\d:.]+Z)")
 
 
 def sort_runs(recordings: Sequence[Recording], settings: ShearSettings) -> SortedRuns:
@@ -46,6 +51,7 @@ def sort_runs(recordings: Sequence[Recording], settings: ShearSettings) -> Sorte
         except InputError as error:
             runs.leave_out(recording.run, str(error))
     _other_units(runs)
+    say_backward(runs)
     if settings.mains_frequency > 0:
         _on_the_mains(runs, settings.mains_frequency)
     return runs
@@ -105,7 +111,15 @@ def _usable(recording: Recording, series: Series, runs: SortedRuns) -> UsableRun
         sequence=number_of(recording, "sequence_index"),
         test=str(recording.conditions.get("test", "")),
         label_frequency=number_of(recording, "frequency"),
+        begins=_begins(recording),
+        told_lag=number_of(recording, "force_lag"),
     )
+
+
+def _begins(recording: Recording) -> float | None:
+    """Return when a log begins, in seconds since 1970, where its times had a date (ingest says so among repairs)."""
+    found = (_DATED.search(repair) for repair in recording.provenance.repairs)
+    return next((datetime.fromisoformat(match[1]).timestamp() for match in found if match), None)
 
 
 def _sort_one(recording: Recording, series: Series, settings: ShearSettings, runs: SortedRuns) -> None:

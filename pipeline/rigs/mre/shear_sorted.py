@@ -13,7 +13,11 @@ from pipeline.signals.periodicity import Excitation
 
 @dataclass(frozen=True, eq=False)
 class UsableRun:
-    """A run with what it may be used for; `loop` and `wander` are there for steady loops only."""
+    """A run with what it may be used for; `loop` and `wander` are there for steady loops only.
+
+    `begins` is when its log begins, in seconds since 1970, where the log has a date; `told_lag` how late
+    the force is (s), where the run tells it.
+    """
 
     run: str
     series: Series
@@ -26,13 +30,16 @@ class UsableRun:
     label_frequency: float | None = None
     loop: Loop | None = None
     wander: Wander | None = None
+    begins: float | None = None
+    told_lag: float | None = None
 
 
 @dataclass
 class SortedRuns:
     """Runs by what they are, those left out with reasons, and findings on the way.
 
-    `faulty` are loops among those left out: they can be shown, not used.
+    `faulty` are loops among those left out: they can be shown, not used. `backward` are loops that run the
+    wrong way round, before all runs together tell why.
     """
 
     loops: list[UsableRun] = field(default_factory=list)
@@ -40,6 +47,7 @@ class SortedRuns:
     records: list[UsableRun] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
     faulty: list[UsableRun] = field(default_factory=list)
+    backward: list[UsableRun] = field(default_factory=list)
     quality: list[QualityFinding] = field(default_factory=list)
 
     def say(self, level: Level, run: str | None, message: str, channel: str | None = None) -> None:
