@@ -15,7 +15,7 @@ from typing import Any
 from pipeline import __version__
 from pipeline.campaign import conditions as run_conditions
 from pipeline.campaign.ingested import MANIFEST, Ingested, LeftOut, Recordings, damaged, load, manifest
-from pipeline.campaign.logs import RunFiles
+from pipeline.campaign.logs import RunFiles, said_shared
 from pipeline.campaign.parallel import in_parallel
 from pipeline.campaign.recipe import Recipe
 from pipeline.campaign.repeated import repeated
@@ -209,7 +209,7 @@ def _noticed_by(experiment: Experiment) -> Callable[[Recording], Sequence[Qualit
 
 def _campaign_notes(recipe: Recipe, runs: Sequence[RunFiles], table: RunsTable | None) -> list[QualityFinding]:
     names = {entry.run: [path.name for _, path in entry.files] for entry in runs}
-    notes = table.remarks(names) if table else []
+    notes = [*said_shared(runs), *(table.remarks(names) if table else [])]
     for run, reason in recipe.exclude.items():
         if run in names:
             notes.append(QualityFinding("note", f"left out by the recipe: {reason}", run))

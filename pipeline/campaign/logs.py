@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, listing
+from pipeline.recording import QualityFinding
 
 RUNS_TABLE = "runs.csv"
 # What lies beside logs without being one: notes, pictures, what version control keeps.
@@ -22,10 +23,14 @@ _TABLE = re.compile(r"^(.+)\.([a-z][a-z_]{2,})$")
 
 @dataclass(frozen=True)
 class RunFiles:
-    """The files of one run: (stream, path), the stream '' where there is only one file."""
+    """The files of one run: (stream, path), the stream '' where there is only one file.
+
+    `shared` is the name that other runs would have too, from which theirs and this one's differ; else ''.
+    """
 
     run: str
     files: tuple[tuple[str, Path], ...]
+    shared: str = ""
 
 
 def of_folder(folder: Path) -> list[Path]:
@@ -73,7 +78,7 @@ def as_given(paths: Sequence[Path]) -> list[Path]:
 
 
 def runs_of(paths: Sequence[Path]) -> list[RunFiles]:
-    """Group logs into runs; a name that two runs would share gets the file's ending, then its folder."""
+    """Group logs into runs; runs that would have one name are called by their file's name, or by its folder."""
     by_run: dict[tuple[Path, str], list[tuple[str, Path]]] = {}
     for path in paths:
         match = _TABLE.match(path.stem)
@@ -82,15 +87,17 @@ def runs_of(paths: Sequence[Path]) -> list[RunFiles]:
         by_run.setdefault(key, []).append((table, path))
     named = [(_safe(run if files[0][0] else files[0][1].stem), files) for (_, run), files in by_run.items()]
     often = Counter(name for name, _ in named)
+    endings = Counter(files[0][1].name for name, files in named if often[name] > 1)
     result: dict[str, RunFiles] = {}
-    for name, files in named:
-        if often[name] > 1:
-            name = _safe(files[0][1].name)
-        if name in result:
-            name = _safe(f"{files[0][1].parent.name}-{name}")
+    for short, files in named:
+        name, shared = short, ""
+        if often[short] > 1:
+            file, shared = files[0][1], short
+            alone = endings[file.name] == 1
+            name = _safe(file.name) if alone else _safe(f"{file.parent.resolve().name}-{short}")
         while name in result:
             name += "+"
-        result[name] = RunFiles(name, tuple(sorted(files)))
+        result[name] = RunFiles(name, tuple(sorted(files)), shared)
     return sorted(result.values(), key=lambda entry: _natural(entry.run))
 
 
@@ -101,3 +108,20 @@ def _safe(name: str) -> str:
 
 def _natural(name: str) -> tuple[object, ...]:
     return tuple((0, int(part)) if part.isdigit() else (1, part.lower()) for part in re.split(r"(\d+)", name))
+
+
+def said_shared(runs: Sequence[RunFiles]) -> list[QualityFinding]:
+    """Say what runs are called whose files' names would give several of them one name."""
+    by_name: dict[str, list[RunFiles]] = {}
+    for entry in runs:
+        if entry.shared:
+            by_name.setdefault(entry.shared, []).append(entry)
+    notes = []
+    for name, entries in by_name.items():
+        called = listing(f"'{entry.run}' ({'/'.join(entry.files[0][1].parts[-2:])})" for entry in entries)
+        message = (
+            f"{len(entries)} logs would be the run '{name}'; they are called {called}. In runs.csv and under 'exclude' "
+            "they have these names."
+        )
+        notes.append(QualityFinding("note", message))
+    return notes

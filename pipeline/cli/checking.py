@@ -42,9 +42,9 @@ def show(
         table = runs_table.read(runs_path, recipe.experiment, str(runs_path))
     status = 0
     runs = logs.runs_of(logs.as_given(paths))
-    if table is not None:
-        for remark in table.remarks({run.run: [path.name for _, path in run.files] for run in runs}):
-            click.echo(f"{remark.level}: {remark.message}")
+    remarks = table.remarks({run.run: [path.name for _, path in run.files] for run in runs}) if table else []
+    for remark in (*logs.said_shared(runs), *remarks):
+        click.echo(f"{remark.level}: {remark.message}")
     for number, run in enumerate(runs):
         if number:
             click.echo()

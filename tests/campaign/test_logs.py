@@ -46,9 +46,13 @@ def test_dots_and_capitals_in_names_do_not_make_streams(tmp_path: Path) -> None:
     assert [run.run for run in logs.runs_of(paths)] == ["0.4mm", "ensaio.A.1", "ensaio.A.3", "test.A", "test.B"]
 
 
-def test_runs_of_one_name_are_told_apart(tmp_path: Path) -> None:
-    paths = touch(tmp_path, "a.csv", "a.mcap", "monday/x.csv", "tuesday/x.csv")
-    assert sorted(run.run for run in logs.runs_of(paths)) == ["a.csv", "a.mcap", "tuesday-x.csv", "x.csv"]
+def test_runs_of_one_name_are_told_apart_and_what_they_are_called_is_said(tmp_path: Path) -> None:
+    paths = touch(tmp_path, "a.csv", "a.mcap", "monday/x.csv", "tuesday/x.csv", "b.csv")
+    runs = logs.runs_of(paths)
+    assert sorted(run.run for run in runs) == ["a.csv", "a.mcap", "b", "monday-x", "tuesday-x"]
+    said = [finding.message for finding in logs.said_shared(runs)]
+    assert len(said) == 2
+    assert "'monday-x' (monday/x.csv), 'tuesday-x' (tuesday/x.csv)" in said[1]
 
 
 @pytest.mark.parametrize("name", ["..csv", "a\nb.csv", "über/../x.csv", "-rf.csv", "a:b*?.csv", " .csv"])
