@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.estimation.uncertainty import t_quantile
-from pipeline.rigs.gearbox.inertia import LoadFit, Windows
+from pipeline.rigs.gearbox.inertia import LoadFit
+from pipeline.rigs.gearbox.load_windows import Windows
 from pipeline.rigs.gearbox.mesh import MeshSpeed
 from pipeline.rigs.gearbox.nominal import Level, difference_in_sigmas
 from pipeline.rigs.gearbox.torque_map import Transfer
@@ -45,6 +46,13 @@ class Misfit:
 def load_law(windows: Sequence[Windows], load: LoadFit) -> Misfit:
     """Ask whether the load's residual still bends with speed: then d0 + d1 w is not its friction law.
 
+    Parameters
+    ----------
+    windows, load
+        Of the same runs, and their joint fit.
+
+    Notes
+    -----
     The mean speed of a window is the ratio of its columns of d1 and d0.
     """
     A = np.concatenate([w.columns for w in windows])
@@ -55,11 +63,11 @@ def load_law(windows: Sequence[Windows], load: LoadFit) -> Misfit:
     free = extra - basis @ (basis.T @ extra)
     weights = free / (free @ free)
     bend, variance, start = 0.0, 0.0, 0
-    for w in windows:
+    for w, noise in zip(windows, load.noises, strict=True):
         own = weights[start : start + w.torque.size]
         start += w.torque.size
         bend += float(own @ (w.torque - w.columns @ load.values))
-        variance += float(own @ w.covariance() @ own)
+        variance += float(own @ w.covariance(noise) @ own)
     value = bend / math.sqrt(variance) if variance > 0 else 0.0
     return Misfit(
         "load drag over speed",

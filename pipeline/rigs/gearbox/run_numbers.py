@@ -16,7 +16,8 @@ from pipeline.rigs.gearbox.aligned_run import AlignedRun, ZeroOffset
 from pipeline.rigs.gearbox.alignment import Alignment, align
 from pipeline.rigs.gearbox.counts import Counts, counts_of
 from pipeline.rigs.gearbox.derived import Torque
-from pipeline.rigs.gearbox.inertia import LoadFit, Windows, free_spans, load_parameters, modulated
+from pipeline.rigs.gearbox.inertia import LoadFit, load_parameters
+from pipeline.rigs.gearbox.load_windows import Windows, free_spans, modulated
 from pipeline.rigs.gearbox.nominal import Level, level
 from pipeline.rigs.gearbox.offsets import Offsets, zero_offsets
 from pipeline.rigs.gearbox.peaks import Peak, peak, steady_noise
