@@ -91,7 +91,8 @@ def align(record: Record) -> tuple[Record, Alignment]:
     spans, _ = spans_of(counts)
     if not any(span.state == "nominal" for span in spans):
         return record, Alignment()
-    stages, _ = rough_stages(record, spans, levels_of(record))
+    levels = levels_of(record)
+    stages, _ = rough_stages(record, levels.split(spans), levels)
     problems: list[Problem] = []
     encoder = _clock(_encoder_parts(record, counts, stages))
     moved = record
@@ -100,7 +101,7 @@ def align(record: Record) -> tuple[Record, Alignment]:
         moved = moved.aligned(record.encoder.on_clock(encoder.shift, drift), record.vibration)
         problems.append(_told("encoder", encoder, record.encoder.span))
         counts = counts_of(moved)
-        stages, _ = rough_stages(moved, spans_of(counts)[0], levels_of(moved))
+        stages, _ = rough_stages(moved, levels.split(spans_of(counts)[0]), levels)
     vibration = None
     if moved.vibration is not None:
         vibration = _clock(_vibration_parts(moved, counts, stages))
@@ -129,17 +130,24 @@ def _clock(parts: Sequence[_Part]) -> ClockFit | None:
     weight = 1.0 / sd**2
     middle = float(weight @ time / weight.sum())
     mean = float(weight @ shift / weight.sum())
-    # Parts that disagree by more than their errors say widen them.
-    excess = max(float(weight @ (shift - mean) ** 2) / max(len(parts) - 1, 1), 1.0)
-    error = math.sqrt(excess / float(weight.sum()))
-    drift = drift_sd = math.nan
+    drift, drift_sd, left = math.nan, math.nan, shift - mean
     if len(parts) > 1:
         spread = float(weight @ (time - middle) ** 2)
-        drift, drift_sd = float(weight @ ((time - middle) * shift)) / spread, math.sqrt(excess / spread)
+        drift = float(weight @ ((time - middle) * left)) / spread
+        along = left - drift * (time - middle)
+        drift_sd = math.sqrt(_excess(weight, along, len(parts) - 2) / spread)
+        if abs(drift) > _SURE * drift_sd:
+            left = along
     drifts = len(parts) > 1 and abs(drift) > _SURE * drift_sd
+    error = math.sqrt(_excess(weight, left, len(parts) - 1 - drifts) / float(weight.sum()))
     far = abs(mean) > max(_SURE * error, _LEAST)
     start = mean - drift * middle if drifts else mean
     return ClockFit(start, error, drift, drift_sd, bool(far or drifts), bool(drifts))
+
+
+def _excess(weight: np.ndarray, left: np.ndarray, dof: int) -> float:
+    """Return the factor by which variances are widened where parts disagree by more than their errors say."""
+    return max(float(weight @ left**2) / max(dof, 1), 1.0)
 
 
 def _encoder_parts(record: Record, counts: Counts, stages: Sequence[Stage]) -> list[_Part]:

@@ -16,7 +16,7 @@ _MODULI = tuple(2.0**k for k in (8, 10, 12, 14, 15, 16, 20, 24, 31, 32)) + tuple
 _JUMP, _SLACK = 4.0, 6.0
 # A stop is none where the shaft runs this close to top speed until the last and from the first count on.
 _SHARP, _BESIDE, _USUAL = 0.7, 5, 60
-_LEAST_COHERENCE = 0.6
+_LEAST_COHERENCE, _SLOW_STEPS = 0.6, 5
 
 
 def mended(time: np.ndarray, counts: np.ndarray, turn: float) -> tuple[np.ndarray, list[Problem]]:
@@ -41,7 +41,7 @@ def mended(time: np.ndarray, counts: np.ndarray, turn: float) -> tuple[np.ndarra
         (np.abs(steps[:-1]) > limit) & (np.abs(steps[1:]) > limit) & (np.abs(steps[:-1] + steps[1:]) <= limit)
     )
     for i in spikes + 1:
-        counts[i] = counts[i - 1]
+        counts[i] = np.round(0.5 * (counts[i - 1] + counts[i + 1]))
     if spikes.size:
         text = f"{spikes.size} single encoder samples far off their neighbours are left out"
         problems.append(Problem((float(time[spikes[0] + 1]), float(time[spikes[-1] + 1])), text))
@@ -125,6 +125,12 @@ def held(time: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     rank = np.round((time[stepped] - time[stepped[0]]) / period)
     period, phase = np.polyfit(rank, time[stepped] - 0.5 * fast, 1)
     if period < 1.5 * fast:
+        return time, counts
+    # Edges of a shaft at constant speed have a common period too; at other speeds they do not keep to it.
+    rates = np.abs(np.diff(counts[stepped])) / np.diff(time[stepped])
+    slow = np.flatnonzero(rates < 0.8 * np.median(rates)) + 1
+    place = (time[stepped[slow]] - 0.5 * fast - phase) / period
+    if slow.size < _SLOW_STEPS or np.mean(np.abs(place - np.round(place)) < 0.2) < 0.9:
         return time, counts
     first, last = np.ceil((time[0] - phase) / period), np.floor((time[-1] - phase) / period)
     own = phase + period * np.arange(first, last + 1)

@@ -85,7 +85,7 @@ def cycle_events(record: Record, counts: Counts, stages: Sequence[Stage], sos: S
     if before and before[-1].name.startswith("fos"):
         found.update(_brake(record, counts, before[-1], found["sos_start"].time))
     after = [stage for stage in stages[i + 1 :] if stage.name != "release"]
-    if i + 1 < len(stages):
+    if i + 1 < len(stages) and stages[i + 1].name not in ("standstill", "stall"):
         found["sos_end"] = _starts(counts, sos.end, 0.15)
         if after and after[0].name.startswith("fos"):
             found["relock"] = _relock(record, counts, found["sos_end"].time, after[0])

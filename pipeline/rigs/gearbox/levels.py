@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,21 @@ class Levels:
         inside = self.torque_in[(self.time >= span.start + cut) & (self.time <= span.end - cut)]
         return float(np.median(inside)) if inside.size else float("nan")
 
+    def split(self, spans: Sequence[Span]) -> list[Span]:
+        """Part a stand at the time from which the input torque that held it is gone: the motor was switched off."""
+        base, _, way = self._scale(spans)
+        out: list[Span] = []
+        for i, span in enumerate(spans):
+            inside = np.flatnonzero((self.time >= span.start) & (self.time <= span.end))
+            loaded = inside[(self.torque_in[inside] - base) / way > _LOADED]
+            end = float(self.time[loaded[-1]]) if loaded.size else span.end
+            held = bool(loaded.size) and loaded.size > 0.8 * (loaded[-1] - inside[0] + 1)
+            if span.state == "zero" and i and held and end - span.start > _LONG and span.end - end > _LONG:
+                out += [replace(span, end=end), replace(span, start=end)]
+            else:
+                out.append(span)
+        return out
+
     def standing(self, spans: Sequence[Span]) -> dict[int, StageName]:
         """Tell of every standing span, by its index, whether the shaft is at rest, held, or stalled with the motor.
 
@@ -50,7 +65,7 @@ class Levels:
             if span.state != "zero":
                 continue
             loaded = (self.of(span) - base) / way > _LOADED
-            if loaded and i:
+            if loaded and i and spans[i - 1].state != "zero":
                 start = spans[i - 1].start if spans[i - 1].state == "moving" else span.start
                 near = (self.time >= start - _NEAR) & (self.time <= span.start + _NEAR)
                 peak = float(((self.torque_in[near] - base) / (running - base)).max(initial=0.0))

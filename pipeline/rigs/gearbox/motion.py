@@ -5,6 +5,7 @@ What a standing or a running shaft means (standstill or SOS, FOS or loaded) is t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -43,6 +44,16 @@ def nominal_speed(speed: np.ndarray, top: float) -> tuple[float, float]:
     return nominal, max(_BAND * nominal, _SIGMAS * sigma)
 
 
+def steady_speed(counts: Counts, spans: Sequence[Span]) -> float:
+    """Return the slope of a straight line through the angle of the longest run at nominal speed, rad/s."""
+    longest = max((span for span in spans if span.state == "nominal"), key=lambda span: span.end - span.start)
+    cut = min(0.5, 0.2 * (longest.end - longest.start))
+    inside = (counts.time >= longest.start + cut) & (counts.time <= longest.end - cut)
+    if inside.sum() < 3:
+        return longest.speed
+    return float(np.polyfit(counts.time[inside] - longest.start, counts.angle[inside], 1)[0])
+
+
 def spans_of(counts: Counts) -> tuple[list[Span], float]:
     """Return what the shaft does from the first to the last sample, without holes, and its nominal speed, rad/s."""
     speed = counts.speed()
@@ -56,7 +67,7 @@ def spans_of(counts: Counts) -> tuple[list[Span], float]:
     starts = np.concatenate([[time[0]], 0.5 * (time[bounds - 1] + time[bounds])])
     ends = np.concatenate([starts[1:], [time[-1]]])
     runs = [(int(state[i]), float(a), float(b)) for i, a, b in zip(first, starts, ends, strict=True)]
-    runs = _joined(_ending(runs), time, speed, nominal)
+    runs = _ending(_joined(runs, time, speed, nominal))
     names: tuple[State, State, State] = ("zero", "moving", "nominal")
     return [Span(names[s], a, b, _median(time, speed, a, b)) for s, a, b in runs], nominal
 
@@ -76,7 +87,11 @@ def _standing(counts: Counts) -> list[tuple[float, float]]:
 
 
 def _ending(runs: list[tuple[int, float, float]]) -> list[tuple[int, float, float]]:
-    """Give a stand at the very end that is too short to be told from the last slow turn to the motion before it."""
+    """Mend the ends of a record: one count beside a stand is no motion, a short stand after a run-down none yet."""
+    if len(runs) > 1 and runs[-1][0] == 1 and runs[-2][0] == 0 and runs[-1][2] - runs[-1][1] < _SHORTEST:
+        runs = [*runs[:-2], (0, runs[-2][1], runs[-1][2])]
+    if len(runs) > 1 and runs[0][0] == 1 and runs[1][0] == 0 and runs[0][2] - runs[0][1] < _SHORTEST:
+        runs = [(0, runs[0][1], runs[1][2]), *runs[2:]]
     if len(runs) > 1 and runs[-1][0] == 0 and runs[-2][0] == 1 and runs[-1][2] - runs[-1][1] < _LAST:
         return [*runs[:-2], (1, runs[-2][1], runs[-1][2])]
     return runs

@@ -12,7 +12,7 @@ from pipeline.rigs.gearbox.counts import Counts, counts_of
 from pipeline.rigs.gearbox.events import cycle_events, rundown_event, startup_event
 from pipeline.rigs.gearbox.grammar import off_protocol
 from pipeline.rigs.gearbox.levels import Levels, levels_of, loaded_spans
-from pipeline.rigs.gearbox.motion import Span, spans_of
+from pipeline.rigs.gearbox.motion import Span, spans_of, steady_speed
 from pipeline.rigs.gearbox.record import Record
 from pipeline.rigs.gearbox.stages import EventName, EventTime, Problem, Segmentation, Stage, StageName
 
@@ -34,6 +34,7 @@ def segment(record: Record) -> Segmentation:
     if not any(span.state == "nominal" for span in spans):
         return Segmentation((), {}, False, (*counts.problems, _never_turns(counts)), nominal)
     levels = levels_of(record)
+    spans, nominal = levels.split(spans), steady_speed(counts, spans)
     rough, problems = rough_stages(record, spans, levels)
     stages, cycles = _refined(record, counts, rough)
     found = {
