@@ -25,6 +25,8 @@ _SEARCH = (0.85, 1.05)
 _PADDING = 4
 # Speed within the stage: pieces of this length, s, tell whether it wanders.
 _PIECE = 1.0
+# A piece may differ from the whole by this share of the nominal speed.
+_WANDER = 0.02
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,8 @@ def input_speed(
     near = (max(rough - 2 * step, limits[0]), min(rough + 2 * step, limits[1]))
     speed, contrast = fine.best(near)
     speed = fine.sharpened(speed)
-    pieces = np.array([_Comb.of([s[i : i + length] for s in signals], rate, used).best(near)[0] for i in starts])
+    wide = (max(rough - _WANDER * nominal, limits[0]), min(rough + _WANDER * nominal, limits[1]))
+    pieces = np.array([_Comb.of([s[i : i + length] for s in signals], rate, used).best(wide)[0] for i in starts])
     if max(contrast, coarse.contrast_at(rough)) < LEAST_CONTRAST:
         return None
     own = fine.resolution(contrast)
