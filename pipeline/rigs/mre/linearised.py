@@ -24,8 +24,8 @@ class ColumnTest:
 
     Attributes
     ----------
-    coefficients
-        Of the columns, shape (k,).
+    coefficients, std_error
+        Of the columns, and their standard errors, shape (k,).
     scatter
         Run scatter (1 sigma, relative) that is left with them.
     deviance
@@ -35,6 +35,7 @@ class ColumnTest:
     """
 
     coefficients: np.ndarray
+    std_error: np.ndarray
     scatter: float
     deviance: float
     chance: float
@@ -105,10 +106,12 @@ class Linearised:
         noise = max(rest / max(r.size - J.shape[1], 1), 1.0)
         gained = (_chi2(r, whiten(before)) - rest) / noise
         scale = np.linalg.norm(J_w, axis=0)
-        coefficients = (np.linalg.lstsq(J_w / scale, r, rcond=1e-10)[0] / scale)[-k:]
+        inverse = np.linalg.pinv(J_w / scale, rcond=1e-10)
+        coefficients = (inverse @ r / scale)[-k:]
+        sd = (np.linalg.norm(inverse, axis=1) / scale)[-k:] * np.sqrt(noise)
         dof = self._contrasts(V, J)
         chance = float(fdtrc(k, dof, max(gained, 0.0) / k)) if dof > 0.5 else 1.0
-        return ColumnTest(coefficients, left.value, left.deviance, chance)
+        return ColumnTest(coefficients, sd, left.value, left.deviance, chance)
 
     def _contrasts(self, V: np.ndarray, J: np.ndarray) -> float:
         """Return how many differences of gain the parameters leave to be seen, were they as large as the cap."""

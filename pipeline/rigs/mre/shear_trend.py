@@ -28,11 +28,11 @@ def say_trend(runs: SortedRuns, fit: DynamicFit) -> str:
         return ""
     # An untared mass changes the force with frequency, in which order runs are often made: it is not taken for a trend.
     test = Linearised(fit, FitOptions().scatter_cap, mass=True).test_trend(place - place.mean())
-    total = float(test.coefficients[0] * np.ptp(place))
+    total, sd = (float(part[0] * np.ptp(place)) for part in (test.coefficients, test.std_error))
     if not (test.chance < _CHANCE and abs(total) > _LEAST):
         return ""
     doubt = (
-        f"Stiffness changes by {100 * total:+.1f} % from the first to the last run ({order}; {100 * test.scatter:.2g} % of scatter "
+        f"Stiffness changes by {100 * total:+.1f} +- {100 * sd:.1g} % from the first to the last run ({order}; {100 * test.scatter:.2g} % of scatter "
         "is left beside that trend): heating, Mullins effect or relaxation. Bracket the campaign with repeated runs at 0 A; "
         "intervals do not hold this trend."
     )
