@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate
-from pipeline.rigs.gearbox.derived import Slope, drag_locked, lock_torque, slip_torque
+from pipeline.rigs.gearbox.derived import NO_OFFSET, Slope, drag_locked, lock_torque, slip_torque
 from pipeline.rigs.gearbox.friction_fit import Curve, drag_curve, shared_covariance, slip_line
 from pipeline.rigs.gearbox.inertia import LoadFit, load_parameters
+from pipeline.rigs.gearbox.load_windows import Windows
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.torque_map import Transfer, pooled
 
-PHASES = ("startup", "brake", "steady")
+PHASES = ("startup", "brake", "loaded", "steady")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +28,7 @@ class CampaignNumbers:
     runs
         One entry a run, in the order of the campaign.
     transfer
-        The brake rises of all runs together; `phases` those of each phase.
+        The brake rises of all runs together, or where there are none the loaded FOS; `phases` those of each phase.
     load
         J_L, d0, d1 of all runs together.
     drag, lock, slip
@@ -68,9 +69,11 @@ def campaign_of(runs: Sequence[RunNumbers]) -> CampaignNumbers:
         together = pooled([run.transfers[phase] for run in runs if phase in run.transfers], phase)
         if together is not None:
             phases[phase] = together
-    transfer = phases.get("brake")
+    transfer = phases.get("brake") or phases.get("loaded")
     slope = _slope(transfer)
     windows = [run.windows for run in runs if run.windows is not None]
+    # A zero offset that is unknown goes into d0: such runs count only where there are no others.
+    zeroed = [run.windows for run in runs if run.windows is not None and run.zeroed]
     drag, lock, slip = {}, {}, {}
     for run in runs:
         fos_in, fos_out = run.level("torque_in", "fos"), run.level("torque_out", "fos")
@@ -79,9 +82,16 @@ def campaign_of(runs: Sequence[RunNumbers]) -> CampaignNumbers:
         lock[run.name] = lock_torque(run.peak("torque_in", "brake"), fos_in, fos_out, slope)
         slip[run.name] = slip_torque(sos_in, sos_out, fos_in, fos_out, slope)
     return CampaignNumbers(
-        runs, transfer, phases, load_parameters(windows) if windows else None, drag, lock, slip,
+        runs, transfer, phases, _load(zeroed or windows, bool(zeroed)), drag, lock, slip,
         _drag_law(runs, drag, slope), _slip_law(runs, slip, slope),
     )  # fmt: skip
+
+
+def _load(windows: Sequence[Windows], zeroed: bool) -> LoadFit | None:
+    fit = load_parameters(windows) if windows else None
+    if fit is None or zeroed:
+        return fit
+    return replace(fit, undetermined={**fit.undetermined, "drag_coulomb": NO_OFFSET})
 
 
 def _slope(transfer: Transfer | None) -> Slope | None:

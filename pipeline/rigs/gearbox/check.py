@@ -26,5 +26,5 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
     if errors_of(found):
         return tuple(found)
     record, alignment = align(record)
-    told = [*alignment.problems, *segment(record).problems]
+    told = [p for p in (*alignment.problems, *segment(record).problems) if p not in counts.problems]
     return (*found, *(QualityFinding(p.level, p.message, record.run, None, p.span) for p in told))

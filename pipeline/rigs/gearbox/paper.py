@@ -26,6 +26,13 @@ TORQUES = {
 REDUCTION = {120: (0.65, 0.57), 210: (0.76, 0.63)}
 INERTIAL_MASS, FRICTION_TORQUE, EFFICIENCY = 0.89, 1.23, 0.40
 _ROUNDING = 0.005
+# What the difference of the two sensors is in each state.
+_DIFFERENCE = {
+    STARTUP: "the difference accelerates the gearbox and goes to ground",
+    FOS: "locked gears do not slide: the difference is drag to ground or a sensor's error, not friction between gears",
+    BRAKE: "locked still: the difference is drag to ground or a sensor's error",
+    SOS: "the output stands, so the ratio is that of a reaction; what the gears rub away shows in the power, not in the difference",
+}
 _SIDES = ("input", "output")
 _SHORT = ("in", "out")
 _WHERE = "sections 4, 5"
@@ -68,7 +75,7 @@ def _torques() -> list[Published]:
                 row(
                     f"{state}, {rpm} rpm: input and output torque", f"{t_in:.2f} and {t_out:.2f} N m",
                     f"difference {t_in - t_out:.2f} N m, ratio {t_out / t_in:.3f}", None,
-                    "the difference of the two sensors is drag to ground or a sensor's error, never friction between gears",
+                    _DIFFERENCE[state],
                 )
             )  # fmt: skip
     return rows

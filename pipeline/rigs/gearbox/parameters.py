@@ -10,7 +10,7 @@ from pipeline.findings import ModelResult, Parameter
 from pipeline.findings.findings import OperatingPoint
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
 from pipeline.rigs.gearbox.declaration import PARAMETERS, LoadExchangeSettings
-from pipeline.rigs.gearbox.derived import difference, power, ratio, share
+from pipeline.rigs.gearbox.derived import NO_OFFSET, difference, power, ratio, share
 from pipeline.rigs.gearbox.friction_fit import Curve, slip_torque_by_input
 from pipeline.rigs.gearbox.inertia import NAMES, LoadFit
 from pipeline.rigs.gearbox.nominal import type_b
@@ -97,16 +97,21 @@ def _transfer(campaign: CampaignNumbers) -> list[Parameter]:
     return found
 
 
-def _of_transfer(transfer: Transfer | None, at: OperatingPoint, method: str, told: str = "") -> list[Parameter]:
+def _of_transfer(
+    transfer: Transfer | None, at: OperatingPoint, method: str, told: str = "", slope_told: str = ""
+) -> list[Parameter]:
     names = ("torque_transfer_slope", "torque_transfer_intercept")
     if transfer is None:
-        reason = "no brake rise between locked steady motion and unlock was found"
+        reason = "no brake rise between locked steady motion and unlock was found, or it is saturated"
         return [parameter(undetermined(name, reason), at) for name in names]
-    found = [parameter(estimate(names[0], transfer.slope, transfer.slope_error, dof=transfer.dof), at, told, method)]
+    found = [
+        parameter(estimate(names[0], transfer.slope, transfer.slope_error, dof=transfer.dof), at, slope_told, method)
+    ]
     if math.isfinite(transfer.intercept):
         one = estimate(names[1], transfer.intercept, transfer.intercept_error, dof=transfer.dof)
     else:
-        one = undetermined(names[1], "the drag changes with speed meanwhile")
+        why = "the drag changes with speed meanwhile" if transfer.phase == "startup" else NO_OFFSET
+        one = undetermined(names[1], why)
     return [*found, parameter(one, at, told if one.determined else "", method)]
 
 
@@ -212,22 +217,35 @@ def _shares(run: RunNumbers) -> list[Parameter]:
     for side in _SIDES:
         quantity = f"torque_{side}"
         sos, peak = run.level(quantity, "sos"), run.peak(quantity, "brake")
-        missing = _NO_BRAKE if peak is None else _NO_SOS
+        missing = _no_peak(run, quantity, "brake") if peak is None else _NO_SOS
         found.append(share(f"torque_relief_{side}", sos, peak, missing, residual=False))
         found.append(share(f"torque_residual_{side}", sos, peak, missing, residual=True))
         start, fos = run.peak(quantity, "startup"), run.level(quantity, "fos")
-        found.append(difference(f"startup_excess_{side}", start, fos, _NO_START if start is None else _NO_FOS))
+        found.append(
+            difference(
+                f"startup_excess_{side}", start, fos, _no_peak(run, quantity, "startup") if start is None else _NO_FOS
+            )
+        )
     peak, sos, fos = run.peak("torque_in", "brake"), run.level("torque_in", "sos"), run.level("torque_in", "fos")
-    found.append(difference("breakaway_drop_in", peak, sos, _NO_BRAKE if peak is None else _NO_SOS))
-    found.append(difference("breakaway_rise_in", peak, fos, _NO_BRAKE if peak is None else _NO_FOS))
+    no_peak = _no_peak(run, "torque_in", "brake")
+    found.append(difference("breakaway_drop_in", peak, sos, no_peak if peak is None else _NO_SOS))
+    found.append(difference("breakaway_rise_in", peak, fos, no_peak if peak is None else _NO_FOS))
     found.append(ratio("efficiency_fos", run.level("torque_out", "fos"), fos, _NO_FOS))
     found.append(ratio("torque_ratio_sos", run.level("torque_out", "sos"), sos, _NO_SOS))
     speed = run.speed_in
     value, error = (speed.value, speed.std_error) if speed else (math.nan, math.nan)
     missing = _NO_SOS if sos is None else "the input speed in SOS is not known"
     one = power("power_dissipated_sos", sos, value, 0.0 if math.isnan(error) else error, missing)
+    if one.determined and math.isnan(error):
+        one = Estimate(one.name, one.value)  # an assumed speed has no interval
     told = [parameter(each, at) for each in found]
     return [*told, parameter(one, at, speed.told if speed and one.determined else "")]
+
+
+def _no_peak(run: RunNumbers, quantity: str, stage: str) -> str:
+    if run.saturated(quantity, stage):
+        return "the peak is saturated: only a lower bound of it is known"
+    return _NO_BRAKE if stage == "brake" else _NO_START
 
 
 def _speeds(run: RunNumbers) -> list[Parameter]:
@@ -255,7 +273,10 @@ def _lock(run: RunNumbers, campaign: CampaignNumbers) -> list[Parameter]:
     if slip.determined and drag.value is not None and sos is not None:
         by_input = slip_torque_by_input(sos.value, drag.value)
         told = f"T_out/a, the output held; T_in less the drag found while locked gives {by_input:.3f} N m"
-    return [parameter(campaign.lock[run.name], at, method="peak less T_0"), parameter(slip, at, told)]
+    lock = campaign.lock[run.name]
+    if run.saturated("torque_in", "brake"):
+        lock = undetermined("lock_torque", _no_peak(run, "torque_in", "brake"))
+    return [parameter(lock, at, method="peak less T_0"), parameter(slip, at, method=told)]
 
 
 def _events(run: RunNumbers) -> list[Parameter]:
@@ -271,7 +292,7 @@ def _events(run: RunNumbers) -> list[Parameter]:
 def models_of(campaign: CampaignNumbers) -> list[ModelResult]:
     """Return how the laws of friction fit."""
     laws = [
-        (campaign.drag_law, "drag of the locked gearbox", {"stribeck": "c0 + c_S exp(-(w/w_S)^2) + b0 w", "line": "c0 + b0 w"}),
+        (campaign.drag_law, "drag of the locked gearbox", {"stribeck": "c0 + c_S exp(-(ω/ω_S)²) + b0 ω", "line": "c0 + b0 ω"}),
         (campaign.slip_law, "slip torque", {"slip": "M_c + M_v s"}),
     ]  # fmt: skip
     return [

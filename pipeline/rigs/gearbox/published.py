@@ -100,7 +100,7 @@ def _row(name: str, printed: float, found: Parameter | None, unit: str, told: st
         remark = f"not determined: {found.description}"
     if value is not None:
         agrees = abs(value - printed) < _AGREES * abs(printed)
-        own = f" (± {1.96 * found.std_error:.2g})" if found and found.std_error and unit != "%" else ""
+        own = f" (± {1.96 * found.std_error:.2g} N m)" if found and found.std_error and unit != "%" else ""
         remark = "; ".join(part for part in (f"{100 * (value / printed - 1.0):+.1f} %{own}", told) if part)
     return Published(
         name=name, published=printed, found=value, unit=unit, where="sections 4, 5", agrees=agrees, remark=remark

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -88,8 +88,22 @@ class RunNumbers:
         return Torque.of_level(self.levels.get((quantity, stage)), self.zero(quantity))
 
     def peak(self, quantity: str, stage: str) -> Torque | None:
-        """Return a peak torque with its errors apart."""
-        return Torque.of_peak(self.peaks.get((quantity, stage)), self.zero(quantity))
+        """Return a peak torque with its errors apart; None where it is saturated, and so a lower bound only."""
+        return (
+            None
+            if self.saturated(quantity, stage)
+            else Torque.of_peak(self.peaks.get((quantity, stage)), self.zero(quantity))
+        )
+
+    def saturated(self, quantity: str, stage: str) -> bool:
+        """Tell whether the peak is flat at its top."""
+        peak_ = self.peaks.get((quantity, stage))
+        return peak_ is not None and peak_.saturated
+
+    @property
+    def zeroed(self) -> bool:
+        """Tell whether the zero offsets of both torques are known."""
+        return not any(math.isnan(self.zero(name)) for name in TORQUES)
 
     def steady(self) -> list[tuple[float, float]]:
         """Return the settled parts of FOS, s."""
@@ -109,9 +123,10 @@ def numbers_of(record: Record) -> RunNumbers:
     found = RunNumbers(record, alignment, segmentation, offsets, counts, run, levels)
     steady = found.steady()
     windows = modulated(run, steady)
+    peaks = _peaks(run, levels)
     return RunNumbers(
         record, alignment, segmentation, offsets, counts, run, levels,
-        _peaks(run, levels), _transfers(run, levels, steady),
+        peaks, _transfers(run, levels, steady, peaks, found.zeroed),
         windows, None if windows is None else load_parameters([windows]), _load_parts(run, windows),
         speed_out, speed_in,
     )  # fmt: skip
@@ -151,7 +166,7 @@ def _speed_out(run: AlignedRun) -> tuple[float, float]:
 def _levels(run: AlignedRun, speed: float, speed_in: InputSpeed | None) -> dict[tuple[str, str], Level]:
     time, *torques = run.slow
     found = {}
-    for stage in NOMINAL_STAGES:
+    for stage in (*NOMINAL_STAGES, "fos_loaded"):
         if stage not in run.stages:
             continue
         for name, values, zero in zip(TORQUES, torques, (run.offset_in, run.offset_out), strict=True):
@@ -184,14 +199,28 @@ def _peaks(run: AlignedRun, levels: Mapping[tuple[str, str], Level]) -> dict[tup
 
 
 def _transfers(
-    run: AlignedRun, levels: Mapping[tuple[str, str], Level], steady: list[tuple[float, float]]
+    run: AlignedRun,
+    levels: Mapping[tuple[str, str], Level],
+    steady: list[tuple[float, float]],
+    peaks: Mapping[tuple[str, str], Peak],
+    zeroed: bool,
 ) -> dict[str, Transfer]:
-    found = {"startup": startup_transfer(run, steady), "brake": brake_transfer(run, steady)}
-    pairs = [tuple(levels.get((name, stage)) for name in TORQUES) for stage in ("fos", "sos")]
-    (fos_in, fos_out), (sos_in, sos_out) = pairs
-    if fos_in and fos_out and sos_in and sos_out:
-        found["steady"] = steady_transfer((fos_in, fos_out), (sos_in, sos_out))
-    return {phase: one for phase, one in found.items() if one is not None}
+    """Return the slopes by phase; a saturated peak spoils its phase, and without a zero there is no T_00."""
+    cut = {stage for (_, stage), one in peaks.items() if one.saturated}
+    found: dict[str, Transfer | None] = {}
+    if "startup" not in cut:
+        found["startup"] = startup_transfer(run, steady)
+    if "brake" not in cut:
+        found["brake"] = brake_transfer(run, steady)
+    for phase, stage in (("steady", "sos"), ("loaded", "fos_loaded")):
+        fos, loaded = ([levels.get((name, each)) for name in TORQUES] for each in ("fos", stage))
+        if fos[0] and fos[1] and loaded[0] and loaded[1]:
+            one = steady_transfer((fos[0], fos[1]), (loaded[0], loaded[1]))
+            found[phase] = None if one is None else replace(one, phase=phase)
+    known = {phase: one for phase, one in found.items() if one is not None}
+    if zeroed:
+        return known
+    return {phase: replace(one, intercept=math.nan, intercept_error=math.nan) for phase, one in known.items()}
 
 
 def _load_parts(run: AlignedRun, windows: Windows | None) -> dict[str, LoadFit]:

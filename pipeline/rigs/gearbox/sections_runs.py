@@ -17,7 +17,6 @@ from pipeline.findings.figures import (
     Line,
     Mark,
     Panel,
-    Points,
     Rule,
     Status,
     Table,
@@ -47,6 +46,7 @@ _STATES = {
 # A run is held against the paper where its speed is that close to one of the paper's.
 NEAR = 0.03
 _SHOWN = 2
+_TOLD_DRIFT = 1e-3
 
 
 def of_run(table: pd.DataFrame, run: str) -> pd.DataFrame:
@@ -93,9 +93,10 @@ def _time_plot(findings: Findings, run: str) -> Figure:
         Line(time, signals["torque_in"].to_numpy(), "measured", "input"),
         Line(time, signals["torque_out"].to_numpy(), "model", "output"),
     ]
-    for place, row in enumerate(records(levels)):
-        ends = np.array([row["start"], row["end"]])
-        torque.append(Line(ends, np.full(2, row["value"]), "fault", "" if place else "nominal"))
+    if len(levels):
+        ends, values = levels[["start", "end"]].to_numpy(), levels["value"].to_numpy()
+        x = np.column_stack([ends, np.full(len(ends), np.nan)]).ravel()
+        torque.append(Line(x, np.repeat(values, 3), "reference", "nominal", dashed=True))
     torque += _event_rules(findings, run)
     speed = signals["speed"].to_numpy()
     panels = [
@@ -223,10 +224,11 @@ def _events(findings: Findings) -> Table:
 
 def _clocks(findings: Findings) -> list[Table]:
     clocks = findings.arrays["clocks"]
+    clocks = clocks[clocks["applied"].astype(bool) | clocks["run"].isin(shown_runs(findings))]
     if clocks.empty:
         return []
     rows: list[list[Cell]] = [
-        [str(row["run"]), str(row["board"]), Value(row["shift"], row["shift_sd"]), Value(1e6 * row["drift"], 1e6 * row["drift_sd"]),
+        [str(row["run"]), str(row["board"]), Value(row["shift"], row["shift_sd"]), _drift(row),
          Status("applied", "ok") if row["applied"] else Status("not significant")]
         for row in records(clocks)
     ]  # fmt: skip
@@ -234,14 +236,16 @@ def _clocks(findings: Findings) -> list[Table]:
         Table(
             "clocks",
             "Clocks of the boards",
-            "Shift and drift of each board against the torques, from events that both see; applied where significant.",
-            [Column("run"), Column("board"), Column("shift", "s"), Column("drift, 1e-6"), Column("")],
+            "Shift and drift of each board against the torques, from what both see; applied where significant. A drift whose error is above "
+            "1000 ppm is not shown.",
+            [Column("run"), Column("board"), Column("shift", "s"), Column("drift, ppm"), Column("")],
             rows,
         )
     ]
 
 
-def points(x: np.ndarray, y: np.ndarray, sd: np.ndarray, role: int | str, label: str) -> Points:
-    """Return points with 95 % limits along y from standard errors, shape (n,)."""
-    half = 1.96 * np.nan_to_num(sd)
-    return Points(x, y, role, label, y - half, y + half)  # type: ignore[arg-type]
+def _drift(row: dict[str, Any]) -> Value | None:
+    """Return a drift in parts per million where the run is long enough to tell one."""
+    if not row["drift_sd"] < _TOLD_DRIFT:
+        return None
+    return Value(1e6 * row["drift"], 1e6 * row["drift_sd"])

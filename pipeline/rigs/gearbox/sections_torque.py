@@ -77,7 +77,7 @@ def _slopes(findings: Findings) -> list[Table]:
         cells = [Value(own[p]["slope"], own[p]["slope_sd"]) if p in own else None for p in phases]
         brake = own.get("brake")
         rows.append([str(run), *cells, Value(brake["intercept"], brake["intercept_sd"]) if brake else None])
-    words = {"startup": "start-up", "brake": "brake rise", "steady": "FOS to SOS"}
+    words = {"startup": "start-up", "brake": "brake rise", "steady": "FOS to SOS", "loaded": "FOS under load"}
     heads = [Column(f"slope a, {words.get(phase, phase)}") for phase in phases]
     return [
         Table(
@@ -120,7 +120,7 @@ def _energy(findings: Findings) -> list[Table]:
     shown = shown_runs(findings)
     rows = [
         [str(row["run"]), STAGES.get(str(row["stage"]), str(row["stage"])), row["duration"], row["work_in"], row["work_out"],
-         row["kinetic"], row["work_in"] - row["work_out"]]
+         row["kinetic"] if row["stage"] in ("startup", "rundown") else None, row["work_in"] - row["work_out"]]
         for row in records(energy)
         if row["run"] in shown
     ]  # fmt: skip

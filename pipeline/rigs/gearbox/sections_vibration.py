@@ -67,7 +67,7 @@ def _lines(findings: Findings) -> list[Figure]:
         time = slip["time"].to_numpy()
         for order in sorted(dict.fromkeys(ridge["order_2"])) + sorted(dict.fromkeys(ridge["order_1"])):
             line = order * slip["slip"].to_numpy() / (2 * np.pi)
-            marks.append(Line(time, line, "model", f"{order:g} s"))
+            marks.append(Line(time, line, "model", f"{order:g} s/2π"))
         panels.append(Panel(marks, Axis("time", "s"), Axis("frequency", "Hz"), f"run {run}"))
     if not panels:
         return []
