@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.rigs.gearbox.stages import EventTime
 
-_STEPS = 80
+_STEPS = 50
 Shape = Callable[[np.ndarray], np.ndarray]
 
 

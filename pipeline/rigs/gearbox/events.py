@@ -24,7 +24,7 @@ _CLEAR = 40.0
 Found = dict[EventName, EventTime]
 # A brake and a drive come on smoothly, a low-pass moves a lopsided peak: what that may do to a time, s.
 _SHAPE: dict[EventName, float] = {
-    "startup": 0.01,
+    "startup": 0.02,
     "brake_onset": 0.01,
     "unlock": 0.25 / PEAK_CUTOFF,
     "sos_start": 0.005,
@@ -46,14 +46,16 @@ def startup_event(record: Record, counts: Counts, stages: Sequence[Stage]) -> Fo
     blunt = _starts(counts, stages[i - 1].end, 0.3)
     first = stages[i - 1].end
     near = min(blunt.time, first - 0.05)
-    part = record.torque.part(near - 0.35, first + 0.15)
+    # The counts, which bend smoothly, are late rather than early.
+    since = near - max(0.12, min(3.0 * blunt.sd, 0.25))
+    part = record.torque.part(since - 0.1, first + 0.15)
     block = max(round(0.005 * part.rate), 1) if part.time.size > 2 else 1
     time, level = block_means(part.time, part["torque_in"], block)
-    if time.size < 40:
+    if time.size < 30:
         return _widened({"startup": blunt})
     late = time - first
     columns = [np.ones_like(late), late, late**2]
-    bend, (without, bent) = find_break(time, level, columns, [ramp, parabola], (near - 0.25, first))
+    bend, (without, bent) = find_break(time, level, columns, [ramp, parabola], (since, first))
     clear = without - bent > _CLEAR * bent / time.size
     return _widened({"startup": bend if clear else blunt})
 
