@@ -299,6 +299,7 @@ def _curves(campaign: CampaignNumbers) -> Rows:
         x = np.linspace(0.0, 1.05 * max(own), 60)
         A = np.stack([np.ones_like(x), x], axis=1)
         y = A @ campaign.load.values[1:]
-        half = 1.96 * np.sqrt(np.einsum("ni,ij,nj->n", A, campaign.load.covariance.matrix[1:, 1:], A))
+        variance = np.einsum("ni,ij,nj->n", A, campaign.load.covariance.matrix[1:, 1:], A)
+        half = 1.96 * np.sqrt(np.maximum(variance, 0.0))
         rows += _table({"kind": "load", "law": "d0 + d1 ω", "x": x, "y": y, "low": y - half, "high": y + half})
     return rows
