@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate
+from pipeline.rigs.gearbox.checks import load_law
 from pipeline.rigs.gearbox.derived import NO_OFFSET, Slope, drag_locked, lock_torque, slip_torque
 from pipeline.rigs.gearbox.friction_fit import Curve, drag_curve, shared_covariance, slip_line
 from pipeline.rigs.gearbox.inertia import LoadFit, load_parameters
@@ -79,11 +80,13 @@ def campaign_of(runs: Sequence[RunNumbers]) -> CampaignNumbers:
         fos_in, fos_out = run.level("torque_in", "fos"), run.level("torque_out", "fos")
         sos_in, sos_out = run.level("torque_in", "sos"), run.level("torque_out", "sos")
         drag[run.name] = drag_locked(fos_in, fos_out, slope)
-        lock[run.name] = lock_torque(run.peak("torque_in", "brake"), fos_in, fos_out, slope)
+        lock[run.name] = lock_torque(run.unlocking, fos_in, fos_out, slope)
         slip[run.name] = slip_torque(sos_in, sos_out, fos_in, fos_out, slope)
+    load = _load(zeroed or windows, bool(zeroed))
     return CampaignNumbers(
-        runs, transfer, phases, _load(zeroed or windows, bool(zeroed)), drag, lock, slip,
-        _drag_law(runs, drag, slope), _slip_law(runs, slip, slope),
+        runs, transfer, phases, load, drag, lock, slip,
+        _drag_law(runs, drag, slope, load if load is not None and not load_law(windows, load).failed else None),
+        _slip_law(runs, slip, slope),
     )  # fmt: skip
 
 
@@ -98,20 +101,27 @@ def _slope(transfer: Transfer | None) -> Slope | None:
     return None if transfer is None else Slope(transfer.slope, transfer.slope_error, transfer.dof)
 
 
-def _drag_law(runs: Sequence[RunNumbers], drag: Mapping[str, Estimate], slope: Slope | None) -> Curve | None:
+def _drag_law(
+    runs: Sequence[RunNumbers], drag: Mapping[str, Estimate], slope: Slope | None, load: LoadFit | None
+) -> Curve | None:
+    """Fit T_0 over speed; where the load's law holds, T_out is that of all runs together, which is quieter."""
     rows = [
-        (run.speed_out[0], found.value, math.hypot(t_in.std_error, t_out.std_error / slope.value), t_out.value)
+        (run.speed_out[0], t_in.value, t_in.std_error, t_out.value, t_out.std_error)
         for run in runs
-        if (found := drag[run.name]).value is not None
-        and slope is not None
+        if drag[run.name].value is not None
         and math.isfinite(run.speed_out[0])
         and (t_in := run.level("torque_in", "fos")) is not None
         and (t_out := run.level("torque_out", "fos")) is not None
     ]
     if not rows or slope is None:
         return None
-    speed, value, own, t_out = np.array(rows, dtype=float).T
-    return drag_curve(speed, value, shared_covariance(own, t_out, slope.value, slope.std_error))
+    speed, driving, error_in, carried, error_out = np.array(rows, dtype=float).T
+    a = slope.value
+    covariance = shared_covariance(np.hypot(error_in, error_out / a), carried, a, slope.std_error)
+    if load is not None and len(rows) > 1:
+        carried, spread = load.steady_torque(speed)
+        covariance = shared_covariance(error_in, carried, a, slope.std_error) + spread / a**2
+    return drag_curve(speed, driving - carried / a, covariance)
 
 
 def _slip_law(runs: Sequence[RunNumbers], slip: Mapping[str, Estimate], slope: Slope | None) -> Curve | None:

@@ -15,7 +15,6 @@ import numpy as np
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.rigs.gearbox.inertia import LoadFit
 from pipeline.rigs.gearbox.load_windows import Windows
-from pipeline.rigs.gearbox.mesh import MeshSpeed
 from pipeline.rigs.gearbox.nominal import Level, difference_in_sigmas
 from pipeline.rigs.gearbox.torque_map import Transfer
 
@@ -49,12 +48,13 @@ def load_law(windows: Sequence[Windows], load: LoadFit) -> Misfit:
     Parameters
     ----------
     windows, load
-        Of the same runs, and their joint fit.
+        Of the runs, and their joint fit; runs that had no part in it do not count.
 
     Notes
     -----
     The mean speed of a window is the ratio of its columns of d1 and d0.
     """
+    windows = [w for w in windows if w.run in load.noises]
     A = np.concatenate([w.columns for w in windows])
     speed_squared = [w.columns[:, 2] ** 2 / w.columns[:, 1] for w in windows]
     extra = np.concatenate(speed_squared)
@@ -63,11 +63,11 @@ def load_law(windows: Sequence[Windows], load: LoadFit) -> Misfit:
     free = extra - basis @ (basis.T @ extra)
     weights = free / (free @ free)
     bend, variance, start = 0.0, 0.0, 0
-    for w, noise in zip(windows, load.noises, strict=True):
+    for w in windows:
         own = weights[start : start + w.torque.size]
         start += w.torque.size
         bend += float(own @ (w.torque - w.columns @ load.values))
-        variance += float(own @ w.covariance(noise) @ own)
+        variance += float(own @ w.covariance(load.noises[w.run]) @ own)
     value = bend / math.sqrt(variance) if variance > 0 else 0.0
     return Misfit(
         "load drag over speed",
@@ -164,17 +164,5 @@ def ripple_share(amplitude: float, nominal: float, channel: str) -> Misfit:
         _RIPPLE_SHARE,
         f"{channel} ripples by {amplitude:.3f} N m with the shaft's angle, on a level of {nominal:.3f} N m: look for "
         "misalignment; peaks are uncertain by as much",
-        "1",
-    )
-
-
-def locked(found: MeshSpeed | None, speed: float) -> Misfit:
-    """Report mesh lines where the gears should be locked (from `mesh.partial_slip`)."""
-    slip = found.speed if found is not None else 0.0
-    return Misfit(
-        "mesh lines in FOS",
-        slip / speed if speed > 0 else 0.0,
-        0.0,
-        f"not fully locked: mesh lines tell a slip of {slip:.3g} rad/s in FOS; eta_FOS is not a rigid-body value",
         "1",
     )

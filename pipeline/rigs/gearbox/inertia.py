@@ -32,7 +32,7 @@ class LoadFit:
     scatter
         Ratio (squared) of what the runs say of the parameters to what their noise allows: about 1.
     noises
-        Of each run.
+        Run -> what its steady stretches leave over.
     undetermined
         Parameter -> why the data cannot tell it.
     """
@@ -41,7 +41,7 @@ class LoadFit:
     covariance: Covariance
     residuals: dict[str, tuple[np.ndarray, np.ndarray]]
     scatter: float
-    noises: list[Noise]
+    noises: dict[str, Noise]
     undetermined: dict[str, str]
 
     def steady_torque(self, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -85,8 +85,9 @@ def load_parameters(windows: Sequence[Windows]) -> LoadFit | None:
     share = share / share.sum() if share.sum() > 0 else np.full(share.size, 1 / share.size)
     dof = 1 / float(np.sum(share**2 / np.array([noise.dof for noise in noises])))
     residuals = {w.run: (w.time, rest / (MEAN * WINDOW)) for w, rest in zip(windows, left, strict=True)}
+    by_run = {w.run: noise for w, noise in zip(windows, noises, strict=True)}
     covariance = Covariance(np.array(spreads).sum(axis=0) * max(scatter, 1.0), dof, "noise of steady stretches")
-    return LoadFit(values, covariance, residuals, scatter, noises, _undetermined(values, covariance))
+    return LoadFit(values, covariance, residuals, scatter, by_run, _undetermined(values, covariance))
 
 
 def _spread(pull: np.ndarray, windows: Windows, noise: Noise) -> np.ndarray:

@@ -10,8 +10,10 @@ from collections.abc import Iterable
 
 from pipeline.recording import Level as Level_
 from pipeline.recording import QualityFinding
-from pipeline.rigs.gearbox.checks import Misfit, dissipated_power, inertia_parts, slopes, warm_up
+from pipeline.rigs.gearbox.aligned_run import within
+from pipeline.rigs.gearbox.checks import Misfit, dissipated_power, inertia_parts, ripple_share, slopes, warm_up
 from pipeline.rigs.gearbox.record import COUNT, SPEED, TORQUES
+from pipeline.rigs.gearbox.ripple import learn
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.sos_speed import teeth_in
 from pipeline.rigs.gearbox.stages import Problem
@@ -112,6 +114,11 @@ def _misfits(run: RunNumbers) -> list[QualityFinding]:
     if {"startup", "brake"} <= set(transfers):
         found.append((slopes(transfers["startup"], transfers["brake"]), "warning", "torque_out"))
     t_in, t_out = (run.levels.get((name, "fos")) for name in TORQUES)
+    for name, level_ in zip(TORQUES, (t_in, t_out), strict=True):
+        if level_ is not None:
+            inside = within(run.run.time, level_.span)
+            amplitude = learn(run.run.angle_at(run.run.time[inside]), getattr(run.run, name)[inside]).amplitude
+            found.append((ripple_share(amplitude, level_.value, name), "warning", name))
     if t_in and t_out and not any(math.isnan(run.zero(name)) for name in TORQUES):
         found.append((dissipated_power(t_in, t_out, run.speed_out[0]), "error", "torque_out"))
     return [

@@ -20,7 +20,7 @@ from pipeline.rigs.gearbox.inertia import LoadFit, load_parameters
 from pipeline.rigs.gearbox.load_windows import Windows, free_spans, modulated
 from pipeline.rigs.gearbox.nominal import Level, level
 from pipeline.rigs.gearbox.offsets import Offsets, zero_offsets
-from pipeline.rigs.gearbox.peaks import Peak, peak, steady_noise
+from pipeline.rigs.gearbox.peaks import Peak, peak, steady_noise, unlock_peak
 from pipeline.rigs.gearbox.record import TORQUES, Record
 from pipeline.rigs.gearbox.segmentation import segment
 from pipeline.rigs.gearbox.sos_speed import InputSpeed, input_speed_of
@@ -43,6 +43,8 @@ class RunNumbers:
         The run on the clock of the torques, and how it came there.
     levels, peaks
         By (`torque_in` or `torque_out`, stage).
+    unlock
+        Peak of torque_in at the unlock without the shaft's ripple.
     transfers
         Slope of output over input torque by phase: `startup`, `brake`, `steady`.
     windows, load
@@ -61,6 +63,7 @@ class RunNumbers:
     run: AlignedRun
     levels: Mapping[tuple[str, str], Level] = field(default_factory=dict)
     peaks: Mapping[tuple[str, str], Peak] = field(default_factory=dict)
+    unlock: Peak | None = None
     transfers: Mapping[str, Transfer] = field(default_factory=dict)
     windows: Windows | None = None
     load: LoadFit | None = None
@@ -95,6 +98,11 @@ class RunNumbers:
             else Torque.of_peak(self.peaks.get((quantity, stage)), self.zero(quantity))
         )
 
+    @property
+    def unlocking(self) -> Torque | None:
+        """The input torque that broke the lock, without ripple; None where it is saturated."""
+        return None if self.saturated("torque_in", "brake") else Torque.of_peak(self.unlock, self.zero("torque_in"))
+
     def saturated(self, quantity: str, stage: str) -> bool:
         """Tell whether the peak is flat at its top."""
         peak_ = self.peaks.get((quantity, stage))
@@ -126,7 +134,7 @@ def numbers_of(record: Record) -> RunNumbers:
     peaks = _peaks(run, levels)
     return RunNumbers(
         record, alignment, segmentation, offsets, counts, run, levels,
-        peaks, _transfers(run, levels, steady, peaks, found.zeroed),
+        peaks, _unlock(run, levels), _transfers(run, levels, steady, peaks, found.zeroed),
         windows, None if windows is None else load_parameters([windows]), _load_parts(run, windows),
         speed_out, speed_in,
     )  # fmt: skip
@@ -196,6 +204,14 @@ def _peaks(run: AlignedRun, levels: Mapping[tuple[str, str], Level]) -> dict[tup
             if one is not None:
                 found[name, stage] = one
     return found
+
+
+def _unlock(run: AlignedRun, levels: Mapping[tuple[str, str], Level]) -> Peak | None:
+    settled, unlock = levels.get(("torque_in", "fos")), run.events.get("unlock")
+    if settled is None or unlock is None:
+        return None
+    onset = run.events.get("brake_onset", unlock - 0.3)
+    return unlock_peak(run, (onset - _AROUND_PEAK, unlock + _AROUND_PEAK), settled.span)
 
 
 def _transfers(
