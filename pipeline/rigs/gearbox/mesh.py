@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -27,6 +26,8 @@ _PADDING = 4
 _PIECE = 1.0
 # A piece may differ from the whole by this share of the nominal speed.
 _WANDER = 0.02
+# Bins of the padded spectrum over which the noise floor is a median.
+_FLOOR = 400
 
 
 @dataclass(frozen=True)
@@ -283,9 +284,9 @@ class _Comb:
 
 def _over_floor(power: np.ndarray) -> np.ndarray:
     """Return power over the local noise: a running median by blocks, of which noise exceeds the mean by 1/ln 2."""
-    blocks = max(power.size // 400, 1)
-    edges = np.linspace(0, power.size, blocks + 1).astype(int)
-    medians = np.array([np.median(power[a:b]) for a, b in pairwise(edges)])
-    centres = 0.5 * (edges[:-1] + edges[1:])
-    floor = np.interp(np.arange(power.size), centres, medians) / math.log(2)
+    size = min(_FLOOR, power.size)
+    blocks = power[: power.size // size * size].reshape(-1, size)
+    medians = np.median(blocks, axis=1) / math.log(2)
+    centres = (np.arange(medians.size) + 0.5) * size
+    floor = np.interp(np.arange(power.size), centres, medians)
     return np.asarray(power / np.maximum(floor, 1e-300 + 1e-12 * float(medians.max())))
