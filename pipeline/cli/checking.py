@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -11,11 +11,13 @@ import click
 from pipeline.campaign import conditions, logs, runs_table
 from pipeline.campaign.logs import RunFiles
 from pipeline.campaign.recipe import Recipe, load
+from pipeline.campaign.repeated import repeated
 from pipeline.campaign.runs_table import RunsTable
 from pipeline.errors import InputError
 from pipeline.ingest.reader import RawLog
 from pipeline.ingest.scan import TableScan, scan_run
-from pipeline.recording import QualityFinding
+from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.experiment import Experiment
 from pipeline.rigs.registry import experiment as find_experiment
 
 _ORDER = {"error": 0, "warning": 1, "note": 2}
@@ -45,18 +47,33 @@ def show(
     remarks = table.remarks({run.run: [path.name for _, path in run.files] for run in runs}) if table else []
     for remark in (*logs.said_shared(runs), *remarks):
         click.echo(f"{remark.level}: {remark.message}")
-    for number, run in enumerate(runs):
-        if number:
-            click.echo()
-        try:
-            status = max(status, _show_run(run, recipe, table))
-        except InputError as error:
-            click.echo(f"rigfit: {' '.join(str(error).split())}", err=True)
-            status = 2
+    read_so_far: list[Recording] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number, run in enumerate(runs):
+            if number:
+                click.echo()
+            try:
+                status = max(status, _show_run(run, recipe, table, Path(folder), read_so_far))
+            except InputError as error:
+                click.echo(f"rigfit: {' '.join(str(error).split())}", err=True)
+                status = 2
+        if recipe is not None:
+            status = max(status, _show_repeats(read_so_far, recipe.experiment))
     return status
 
 
-def _show_run(run: RunFiles, recipe: Recipe | None, table: RunsTable | None) -> int:
+def _show_repeats(recordings: Sequence[Recording], experiment: Experiment) -> int:
+    """Print which runs are another one's recording; 2 where their labels contradict, so that neither can be used."""
+    status = 0
+    for repeat in repeated(recordings, experiment):
+        click.echo(f"\n{'error' if repeat.contradicted else 'warning'}: {repeat.message}")
+        status = max(status, 2 if repeat.contradicted else 0)
+    return status
+
+
+def _show_run(
+    run: RunFiles, recipe: Recipe | None, table: RunsTable | None, folder: Path, read_so_far: list[Recording]
+) -> int:
     names = {stream: str(path) for stream, path in run.files}
     specs = recipe.experiment.channels if recipe else ()
     scan = scan_run(run.files, specs, recipe.channels if recipe else None, names)
@@ -69,7 +86,11 @@ def _show_run(run: RunFiles, recipe: Recipe | None, table: RunsTable | None) -> 
     quality, refused = list(scan.quality), False
     if recipe is not None:
         try:
-            _by_experiment(run, recipe, table, names, scan.logs, quality)
+            given = conditions.of_logs(run.run, recipe, table, scan.logs, [path.name for _, path in run.files])
+            _show_conditions(given, recipe)
+            quality += given.notes
+            read_so_far.append(_ingested(run, recipe, given, names, folder))
+            quality += recipe.experiment.check(read_so_far[-1])
         except InputError as error:
             refused = True
             if not any(str(error) in finding.message for finding in quality):
@@ -119,25 +140,7 @@ def _show_table(table: TableScan) -> None:
         click.echo("  * as the experiment calls it")
 
 
-def _by_experiment(
-    run: RunFiles,
-    recipe: Recipe,
-    table: RunsTable | None,
-    names: dict[str, str],
-    opened: Sequence[RawLog],
-    quality: list[QualityFinding],
-) -> None:
-    """Show the conditions and add to `quality` what the experiment has to say: of them, and by its own physics.
-
-    Raises
-    ------
-    InputError
-        Where `rigfit run` would refuse this log.
-    """
-    from pipeline.ingest.ingest import ingest_run
-    from pipeline.recording.storage import read
-
-    given = conditions.of_logs(run.run, recipe, table, opened, [path.name for _, path in run.files])
+def _show_conditions(given: conditions.Conditions, recipe: Recipe) -> None:
     if given.values:
         click.echo("conditions:")
         for name, value in given.values.items():
@@ -145,19 +148,33 @@ def _by_experiment(
             unit = spec.unit if spec and spec.unit not in ("", "1") else ""
             shown = f"{value:.6g} {unit}".strip() if isinstance(value, float) else str(value)
             click.echo(f"  {name}: {shown} (from {given.sources[name]})")
-    quality += given.notes
-    with tempfile.TemporaryDirectory() as folder:
-        paths = ingest_run(
-            run.run,
-            run.files,
-            recipe.experiment.channels,
-            recipe.channels,
-            given.values,
-            given.sources,
-            Path(folder),
-            shown=names,
-        )
-        quality += recipe.experiment.check(read(paths, lazily=True))
+
+
+def _ingested(
+    run: RunFiles, recipe: Recipe, given: conditions.Conditions, names: Mapping[str, str], folder: Path
+) -> Recording:
+    """Read a run as `rigfit run` would.
+
+    Raises
+    ------
+    InputError
+        Where that would refuse this log.
+    """
+    from pipeline.ingest.ingest import ingest_run
+    from pipeline.recording.storage import read
+
+    experiment = recipe.experiment
+    paths = ingest_run(
+        run.run,
+        run.files,
+        experiment.channels,
+        recipe.channels,
+        given.values,
+        given.sources,
+        folder,
+        shown=names,
+    )
+    return read(paths, lazily=True)
 
 
 def _show_quality(quality: Sequence[QualityFinding]) -> int:

@@ -68,6 +68,9 @@ def test_the_beginning_of_a_run_is_no_run_of_its_own(tmp_path: Path, rigfit: Cal
     rows = pull(1)
     findings = run(rigfit, tmp_path, write(tmp_path / "cut.csv", rows[:150]), write(tmp_path / "whole.csv", rows))
     assert used(findings) == ["whole"]
+    told = rigfit("check", "-e", "spring.pull", tmp_path / "cut.csv", tmp_path / "whole.csv")
+    assert told.status == 0
+    assert "only the first 150 samples of run 'whole'" in told.out
     assert "only the first 150 samples of run 'whole'" in findings["runs"][-1]["reason"]
 
 
@@ -102,6 +105,9 @@ def test_a_recording_with_two_labels_alone_is_refused_with_both_files(tmp_path: 
     answer = rigfit("run", "spring.pull", *logs, "--out", tmp_path / "out")
     assert answer.status == 2
     assert "labels contradict" in answer.err
+    checked = rigfit("check", "-e", "spring.pull", *logs)
+    assert checked.status == 2
+    assert "labels contradict" in checked.out
     assert "'exclude'" in answer.err
 
 
