@@ -180,3 +180,27 @@ def test_break_of_a_parabola_is_exact_without_noise():
     found, squares = find_break(t, 3.0 + parabola(t - 0.4321), [np.ones_like(t)], [parabola], (0.1, 0.9))
     assert found.time == pytest.approx(0.4321, abs=1e-4)
     assert squares[1] < 1e-8 * squares[0]
+
+
+def test_random_loss_of_most_encoder_samples_leaves_the_sequence():
+    plain = run()
+    kept = np.random.default_rng(3).random(plain.encoder.time.size) < 0.3
+    found = segment(replace(plain, encoder=Signal(plain.encoder.time[kept], {COUNT: plain.encoder[COUNT][kept]})))
+    assert found.names[:7] == CYCLE[:7]
+
+
+@pytest.mark.parametrize("span", [(0.0, 3.0), (7.0, 12.0), (11.0, 21.0), (25.0, 30.0)])
+def test_torques_of_a_part_of_the_run_only_never_break_or_disorder_the_stages(span):
+    plain = run()
+    moved, _ = align(replace(plain, torque=plain.torque.part(*span)))
+    found = segment(moved)
+    for before, after in zip(found.stages[:-1], found.stages[1:], strict=True):
+        assert before.start < before.end <= after.start + 1e-9
+
+
+def test_dead_torque_channel_is_no_sos():
+    plain = run()
+    dead = {name: np.zeros(plain.torque.time.size) for name in plain.torque.values}
+    found = segment(replace(plain, torque=Signal(plain.torque.time, dead)))
+    assert "sos" not in found.names
+    assert not found.complete

@@ -160,6 +160,7 @@ def dropouts(
     if top <= 0:
         return time, counts, []
     kept, counts = np.full(time.size, True), counts.copy()
+    still = max(still, 3.0 * float(np.median(np.diff(time))))
     moved = np.flatnonzero(np.diff(counts) != 0)
     ends = np.unique(np.concatenate([moved, np.flatnonzero(np.diff(time) > still)]))
     marks = np.unique(np.concatenate([[0], ends, ends + 1, [time.size - 1]]))
@@ -175,7 +176,8 @@ def dropouts(
         # At the begin and the end of a record one side has to do.
         beside = [rate for rate in (before, after) if np.isfinite(rate)]
         sharp = bool(beside) and min(beside) > _SHARP * top
-        if not (sharp or silent):
+        # A counter that reads the same behind a gap tells that the shaft stood.
+        if not (sharp or (silent and counts[resumed] != counts[first])):
             continue
         resumed = min(resumed, time.size - 1)
         pause = time[resumed] - time[first]

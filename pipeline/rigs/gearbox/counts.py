@@ -15,8 +15,8 @@ from pipeline.rigs.gearbox.counter_faults import direction, dropouts, held, mend
 from pipeline.rigs.gearbox.record import COUNT, SPEED, Record
 from pipeline.rigs.gearbox.stages import Problem
 
-# A speed is fitted over this time and so many counts at the least.
-_WINDOW, _COUNTS = 0.1, 30
+# A speed is fitted over this time, so many counts and so many samples at the least.
+_WINDOW, _COUNTS, _SAMPLES = 0.1, 30, 4
 # A logged speed without steps has so many different values for its samples; below this share of top speed it stands.
 _ANALOGUE, _SLOW = 0.2, 0.03
 # The shaft stands where no count comes for this time and so many periods of a count at top speed.
@@ -50,12 +50,16 @@ class Counts:
     @property
     def window(self) -> float:
         """Width of the line fits, s: 0.1 s and 30 counts at top speed (gearbox.md, 5.1)."""
-        return max(_WINDOW, _COUNTS * self.step / self.top) if self.top > 0 else _WINDOW
+        return max(_WINDOW, _SAMPLES * self._sampling, _COUNTS * self.step / self.top if self.top > 0 else 0.0)
 
     @property
     def still(self) -> float:
         """Time without a count after which the shaft stands, s."""
-        return max(STILL, STILL_COUNTS * self.step / self.top) if self.top > 0 else STILL
+        return max(STILL, _SAMPLES * self._sampling, STILL_COUNTS * self.step / self.top if self.top > 0 else 0.0)
+
+    @property
+    def _sampling(self) -> float:
+        return float(np.median(np.diff(self.time)))
 
     def speed(self, window: float | None = None) -> np.ndarray:
         """Return the slope of a straight line through the angle around every sample, shape (n,), rad/s."""

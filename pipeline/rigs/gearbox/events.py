@@ -154,6 +154,8 @@ def _relock(record: Record, counts: Counts, free: float, fos: Stage) -> EventTim
     within = (span[0] + 0.1, min(near + 0.2, span[1] - 0.1))
     blunt, _ = find_break(t, angle, [np.ones_like(t), t - near], [parabola_before], within)
     part = record.torque.part(max(free + 0.05, blunt.time - 0.4), min(blunt.time + 1.2, fos.end))
+    if part.time.size < 60:
+        return blunt
     block = max(round(0.005 * part.rate), 1)
     time, level = block_means(part.time, part["torque_in"], block)
     turned = counts.at(time)
@@ -180,6 +182,8 @@ def _angle(counts: Counts, span: tuple[float, float]) -> tuple[np.ndarray, np.nd
 def _brake(record: Record, counts: Counts, fos: Stage, stop: float) -> Found:
     """Return when the brake began to load the gearbox and when the lock broke, both from the input torque."""
     torque = record.torque.part(max(fos.start, fos.end - 4.0), stop + 0.5)
+    if torque.time.size < 60:
+        return {}
     smooth = low_pass(torque.time, torque["torque_in"], PEAK_CUTOFF)
     smooth = smooth * np.sign(np.median(smooth))
     candidates = np.flatnonzero((torque.time >= fos.end - 0.8) & (torque.time <= stop + 0.1))

@@ -68,19 +68,20 @@ class Levels:
             if loaded and i and spans[i - 1].state != "zero":
                 start = spans[i - 1].start if spans[i - 1].state == "moving" else span.start
                 near = (self.time >= start - _NEAR) & (self.time <= span.start + _NEAR)
-                peak = float(((self.torque_in[near] - base) / (running - base)).max(initial=0.0))
-                loaded = peak > _PEAK
+                loaded = bool(np.any((self.torque_in[near] - base) * np.sign(way) > _PEAK * abs(running - base)))
             out[i] = "standstill" if not loaded else ("stall" if self._quiet(span) else "sos")
         return out
 
     def _scale(self, spans: Sequence[Span]) -> tuple[float, float, float]:
         """Return the level of a standstill, that of FOS, and the way from the first to the highest, N m (signed)."""
         standing = [level for s in spans if s.state == "zero" and np.isfinite(level := self.of(s))]
-        running = float(np.median([level for s in spans if s.state == "nominal" and np.isfinite(level := self.of(s))]))
+        steady = [level for s in spans if s.state == "nominal" and np.isfinite(level := self.of(s))]
+        running = float(np.median(steady)) if steady else max(standing, key=abs, default=0.0)
         base = min(standing, key=abs, default=0.0)
         if abs(base) > 0.5 * abs(running):  # no standstill among them
             base = 0.0
-        return base, running, max((*standing, running), key=lambda level: abs(level - base)) - base
+        way = max((*standing, running), key=lambda level: abs(level - base)) - base
+        return base, running, way if way else 1.0
 
     def _quiet(self, span: Span) -> bool:
         return self.vibration is not None and self.restless(span.start, span.end) < _QUIET

@@ -6,7 +6,9 @@ or without load. A sequence that breaks the grammar of the test is told with its
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 from pipeline.rigs.gearbox.counts import Counts, counts_of
 from pipeline.rigs.gearbox.events import cycle_events, rundown_event, startup_event
@@ -36,7 +38,8 @@ def segment(record: Record) -> Segmentation:
     levels = levels_of(record)
     spans, nominal = levels.split(spans), steady_speed(counts, spans)
     rough, problems = rough_stages(record, spans, levels)
-    stages, cycles = _refined(record, counts, rough)
+    stages, cycles, unplaced = _refined(record, counts, rough)
+    problems += unplaced
     found = {
         **startup_event(record, counts, stages),
         **(cycles[0] if cycles else {}),
@@ -99,42 +102,62 @@ def _moving(before: Span | None, after: Span | None, held: bool, stops: bool) ->
 
 def _refined(
     record: Record, counts: Counts, rough: list[Stage]
-) -> tuple[list[Stage], list[dict[EventName, EventTime]]]:
+) -> tuple[list[Stage], list[dict[EventName, EventTime]], list[Problem]]:
     """Move the bounds of every brake cycle to its events; a brake shorter than the speed's window is put in."""
-    stages, cycles = list(rough), []
+    stages, cycles, problems = list(rough), [], []
     for sos in [stage for stage in rough if stage.name == "sos"]:
         events = cycle_events(record, counts, rough, sos)
-        cycles.append(events)
-        i = next(k for k, stage in enumerate(stages) if abs(stage.start - sos.start) < 1e-9 and stage.name == "sos")
-        start = events["sos_start"].time if "sos_start" in events else sos.start
-        end = events["sos_end"].time if "sos_end" in events else sos.end
-        stages[i] = Stage("sos", start, end)
-        if "brake_onset" in events:
-            onset = events["brake_onset"].time
-            earlier = [stage for stage in stages[:i] if stage.name != "brake" or stage.end < onset]
-            earlier = [stage if stage.end <= onset else replace(stage, end=onset) for stage in earlier]
-            if earlier and earlier[-1].name.startswith("fos"):
-                earlier[-1] = replace(earlier[-1], end=onset)
-            stages = [*(s for s in earlier if s.duration > 0), Stage("brake", onset, start), *stages[i:]]
-            i = next(k for k, stage in enumerate(stages) if stage.name == "sos" and stage.start == start)
-        if "relock" in events:
-            relock = events["relock"].time
-            later = [stage for stage in stages[i + 1 :] if stage.name != "release" or stage.start > relock]
-            if later and later[0].name.startswith("fos"):
-                later[0] = replace(later[0], start=relock)
-            stages = [*stages[: i + 1], Stage("release", end, relock), *later]
-    return stages, cycles
+        placed = _placed(stages, sos, events)
+        if _ordered(placed):
+            stages = placed
+            cycles.append(events)
+        else:
+            text = "the events around this SOS contradict each other, so none is given"
+            problems.append(Problem((sos.start, sos.end), text))
+    return stages, cycles, problems
+
+
+def _placed(stages: list[Stage], sos: Stage, events: dict[EventName, EventTime]) -> list[Stage]:
+    """Return the stages with the bounds of brake, SOS and release at the events, as far as there are some."""
+    i = stages.index(sos)
+    before, after = stages[:i], stages[i + 1 :]
+    start = events["sos_start"].time if "sos_start" in events else sos.start
+    end = events["sos_end"].time if "sos_end" in events else sos.end
+    brake, release = [], []
+    if before and before[-1].name == "brake":
+        brake = [replace(before.pop(), end=start)]
+    if after and after[0].name == "release":
+        release = [replace(after.pop(0), start=end)]
+    if "brake_onset" in events:
+        onset = events["brake_onset"].time
+        before[-1] = replace(before[-1], end=onset)
+        brake = [Stage("brake", onset, start)]
+    if "relock" in events:
+        relock = events["relock"].time
+        release = [Stage("release", end, relock)]
+        after[0] = replace(after[0], start=relock)
+    return [*before, *brake, Stage("sos", start, end), *release, *after]
+
+
+def _ordered(stages: Sequence[Stage]) -> bool:
+    """Tell whether every stage lasts and none begins before the last one ends."""
+    apart = all(a.end <= b.start + 1e-9 for a, b in pairwise(stages))
+    return apart and all(stage.end > stage.start for stage in stages)
 
 
 def _with_ends(stages: list[Stage], events: dict[EventName, EventTime]) -> list[Stage]:
     """Move the begin of the start-up and of the run-down to their events."""
-    out = list(stages)
     for name in ("startup", "rundown"):
         if name not in events:
             continue
-        i = next(k for k, stage in enumerate(out) if stage.name == name)
-        time = events[name].time
-        out[i] = replace(out[i], start=time)
-        if i and out[i - 1].start < time:
-            out[i - 1] = replace(out[i - 1], end=time)
-    return out
+        moved = list(stages)
+        i = next(k for k, stage in enumerate(moved) if stage.name == name)
+        moved[i - 1 : i + 1] = [
+            replace(moved[i - 1], end=events[name].time),
+            replace(moved[i], start=events[name].time),
+        ]
+        if _ordered(moved):
+            stages = moved
+        else:
+            del events[name]
+    return stages
