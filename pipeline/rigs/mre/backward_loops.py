@@ -35,7 +35,7 @@ class _Delay:
 
     def said(self) -> str:
         word = "late" if self.seconds > 0 else "early"
-        return f"{word} by about {1e3 * abs(self.seconds):.2g} ms"
+        return f"{word} by about {_milliseconds(abs(self.seconds))}"
 
 
 def runs_backward(loop: Loop, force_lag: float = 0.0) -> bool:
@@ -99,6 +99,10 @@ def delay_of(usables: Sequence[UsableRun]) -> _Delay | None:
     return _Delay(float(trial[best]), float(middle[best]))
 
 
+def _milliseconds(seconds: float) -> str:
+    return f"{1e3 * seconds:.0f} ms" if seconds > 0.01 else f"{1e3 * seconds:.2g} ms"
+
+
 def _phase(usable: UsableRun) -> float:
     assert usable.loop is not None
     return float(np.angle(usable.loop.F[0] / usable.loop.X[0]))
@@ -148,7 +152,9 @@ def _sign(usable: UsableRun, alike: Sequence[UsableRun]) -> str:
     several = max(frequencies) > _FREQUENCIES_APART * min(frequencies)
     at = f"at {listing(dict.fromkeys(f'{f:.3g} Hz' for f in sorted(frequencies)), 4)} alike" if several else "here"
     or_clock = (
-        "" if several else f", unless the clocks are offset by about half a period ({500 / frequencies[0]:.2g} ms)"
+        ""
+        if several
+        else f", unless the clocks are offset by about half a period ({_milliseconds(0.5 / frequencies[0])})"
     )
     return (
         f"the force falls as the displacement rises (phase {math.degrees(_phase(usable)):.0f} deg, {at}): most likely the sign of "
@@ -179,8 +185,8 @@ def _some_delay(usable: UsableRun, runs: SortedRuns) -> str:
     turned = ((float(np.median(usual)) if usual else _USUAL_LOSS) - _phase(usable)) % (2 * math.pi)
     late = turned / usable.loop.omega
     return (
-        f"with a phase of {math.degrees(_phase(usable)):.0f} deg: the force is late by about {1e3 * late:.2g} ms (a filter, or "
-        f"clocks that are offset) or early by about {1e3 * (period - late):.2g} ms, give or take whole periods; one frequency "
+        f"with a phase of {math.degrees(_phase(usable)):.0f} deg: the force is late by about {_milliseconds(late)} (a filter, or "
+        f"clocks that are offset) or early by about {_milliseconds(period - late)}, give or take whole periods; one frequency "
         f"does not tell. {_MEND_CLOCK}"
     )
 

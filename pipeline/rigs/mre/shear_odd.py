@@ -24,7 +24,7 @@ _SHARE_ODD = 0.25
 # More sets of runs than this are not tried.
 _MOST_SETS = 3000
 # Gains are odd that honest scatter brings about in less than this share of campaigns, and only if so large.
-_CHANCE, _GAIN_SIZE = 0.01, 0.01
+_CHANCE, _GAIN_SIZE = 0.003, 0.01
 _CERTAIN = 1e-8
 # Twice the log-likelihood by which another set of as many runs may be worse and be a rival all the same.
 _GAIN_RIVAL = 6.0
@@ -35,6 +35,8 @@ _FITTED, _WORSE = 4, 20.0
 _DECISIVE = 30.0
 # So many exchanges of current labels are fitted; beyond this share of the runs rivals are too many to be listed.
 _EXCHANGES, _LISTED = 3, 1 / 3
+# Where no few runs can be spared, those are told that bring chi2 of the others down to this share at least.
+_HELPS = 0.5
 
 
 @dataclass(frozen=True)
@@ -197,7 +199,10 @@ class _Search:
     def told_strongest(self) -> tuple[str, ...]:
         """Return the runs that stand out most and have an explanation, against all others as a whole."""
         sets = next((sets for size in range(self.most, 0, -1) if (sets := self._sets(size))), [])
-        causes = self._causes(self._names(min(sets, key=self.linear.without, default=())))
+        strongest = min(sets, key=self.linear.without, default=())
+        if not self.linear.without(strongest) < _HELPS * self.linear.without(()):
+            return ()
+        causes = self._causes(self._names(strongest))
         others = f"the other {len(self.loops) - len(causes)} runs as a whole"
         return (*(f"{run} ({cause})" for run, cause in causes.items()), others) if causes else ()
 
