@@ -72,6 +72,15 @@ def test_lines_beyond_the_band_of_a_slow_log_are_left_out():
     assert found.speed == pytest.approx(21.6, rel=1e-4)
 
 
+def test_a_fast_log_tells_the_same_speed():
+    t, channels = tones(25600.0, 8.0, 12.37, 2.0, 5)
+    found = input_speed(t, channels, (0.0, 8.0), 12.566)
+    assert found.speed == pytest.approx(12.37, rel=2e-5)
+    ridge = slip_ridge(t, channels, (1.0, 3.0), 13.0)
+    assert np.nanmax(np.abs(ridge.slip - 12.37)) < 0.1
+    assert np.isfinite(ridge.slip).all()
+
+
 def test_a_stage_too_short_or_a_dead_channel_has_no_speed():
     t, channels = tones(2000.0, 8.0, 12.37, 0.5, 0)
     assert input_speed(t, channels, (0.0, 0.6), 12.566) is None
