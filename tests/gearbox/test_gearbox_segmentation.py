@@ -144,6 +144,15 @@ def test_loaded_stand_without_mesh_noise_is_a_stall():
     assert "the motor is stalled" in messages(found)
 
 
+@pytest.mark.parametrize(("speed", "name"), [(12.4, "sos"), (0.0, "stall")])
+def test_measured_input_speed_tells_sos_from_a_stall(speed, name):
+    plain = run(vibration=False)
+    t = plain.torque.time
+    speed_in = np.interp(t, [2.0, 4.0, 10.1, 10.3, 20.0, 20.3], [0.0, 12.57, 12.57, speed, speed, 12.57])
+    found = segment(replace(plain, speed_in=Signal(t, {"speed_in": speed_in})))
+    assert name in found.names
+
+
 def test_brake_that_slows_the_output_without_stopping_it_is_told_and_not_forced():
     found = segment(run(brakes=[[10.0, 10.2, 1.3], [10.25, 20.0, 0.2]]))
     assert "sos" not in found.names

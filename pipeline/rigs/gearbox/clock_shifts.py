@@ -156,6 +156,8 @@ def vibration_parts(record: Record, counts: Counts, stages: Sequence[Stage]) -> 
     if record.vibration is None:
         return []
     restless = restlessness(record.vibration)
+    if not restless.values:
+        return []
     noise = np.mean(list(restless.values.values()), axis=0)
     speed = counts.speed()
     nominal = float(np.percentile(speed, 98))

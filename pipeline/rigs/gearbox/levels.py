@@ -19,18 +19,20 @@ _LOADED = 0.25
 _PEAK, _NEAR = 1.2, 0.5
 # Without mesh noise the input stands too: vibration above 20 Hz within this factor of that in FOS.
 _QUIET, _HIGH_PASS = 1.25, 0.05
+# An input that is measured stands below this share of its top speed.
+_TURNS = 0.05
 # A loaded stretch of FOS: torque above the unloaded level by this share and so many sigmas, so long (s).
 _STEP, _SIGMAS, _LONG, _BLOCK = 0.2, 6.0, 0.6, 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """Torques averaged to 100 Hz, and how restless the vibration is; shape (n,) and (m,)."""
+    """Input torque averaged to 100 Hz, and how restless the vibration is; shape (n,) and (m,)."""
 
     time: np.ndarray
     torque_in: np.ndarray
-    torque_out: np.ndarray
     vibration: Signal | None
+    speed_in: Signal | None = None
 
     def of(self, span: Span | Stage, trim: float = 0.2) -> float:
         """Return the median input torque of the middle of a span, N m; NaN where there is none."""
@@ -84,6 +86,12 @@ class Levels:
         return base, running, way if way else 1.0
 
     def _quiet(self, span: Span) -> bool:
+        """Tell whether the input stands too: by its speed where that is measured, else by the lack of mesh noise."""
+        if self.speed_in is not None:
+            inside = self.speed_in.part(span.start, span.end)["speed_in"]
+            top = float(np.abs(self.speed_in["speed_in"]).max())
+            if inside.size:
+                return bool(np.median(np.abs(inside)) < _TURNS * top)
         return self.vibration is not None and self.restless(span.start, span.end) < _QUIET
 
     def restless(self, start: float, end: float) -> float:
@@ -97,11 +105,15 @@ class Levels:
 
 
 def levels_of(record: Record) -> Levels:
-    """Return the block means of the torques and the restlessness of the vibration."""
+    """Return the block means of the input torque and the restlessness of the vibration."""
     size = max(round(record.torque.rate / _RATE), 1)
     time, torque_in = block_means(record.torque.time, record.torque["torque_in"], size)
-    _, torque_out = block_means(record.torque.time, record.torque["torque_out"], size)
-    return Levels(time, torque_in, torque_out, None if record.vibration is None else restlessness(record.vibration))
+    return Levels(
+        time,
+        torque_in,
+        None if record.vibration is None else restlessness(record.vibration),
+        record.speed_in,
+    )
 
 
 def restlessness(vibration: Signal, block: float = _HIGH_PASS) -> Signal:
