@@ -46,6 +46,7 @@ class Comb:
 
     @classmethod
     def of(cls, signals: Sequence[np.ndarray], rate: float, orders: Sequence[float]) -> Comb:
+        """Return the comb of `orders` per turn over signals of shape (n,), sampled at `rate` Hz."""
         from scipy.fft import next_fast_len, rfft
 
         size = min(signal.size for signal in signals)
