@@ -13,6 +13,8 @@ from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.rigs.gearbox.nominal import Level
 from pipeline.rigs.gearbox.peaks import Peak
 
+# Where the lock breaks the low-pass overshoots, and the shaft is slower than in FOS, which changes T_0: share of the peak.
+_AT_THE_EDGE = 0.01
 NO_OFFSET = "the zero offsets are unknown: the run has no standstill"
 
 
@@ -31,12 +33,14 @@ class Torque:
         return None if level is None else cls(level.value, level.own_error, zero, level.dof)
 
     @classmethod
-    def of_peak(cls, peak: Peak | None, zero: float) -> Torque | None:
-        """Return a peak torque; what noise adds to a maximum on average counts as an error."""
+    def of_peak(cls, peak: Peak | None, zero: float, unbiased: bool = False) -> Torque | None:
+        """Return a peak torque; what noise adds to a maximum on average counts as an error, or is taken off (`unbiased`)."""
         if peak is None:
             return None
         known = 0.0 if math.isnan(zero) else zero
         noise = math.sqrt(max(peak.std_error**2 - known**2, 0.0))
+        if unbiased:
+            return cls(peak.value - peak.bias, noise, zero, peak.dof)
         return cls(peak.value, math.hypot(noise, peak.bias), zero, peak.dof)
 
     @property
@@ -138,7 +142,8 @@ def lock_torque(peak: Torque | None, fos_in: Torque | None, fos_out: Torque | No
     if reason or fos_in is None or fos_out is None or slope is None:
         return undetermined(name, reason)
     value = peak.value - fos_in.value + fos_out.value / slope.value
-    error, dof = welch([(peak.own, peak.dof), (fos_in.own, fos_in.dof), *_reaction(fos_out, slope)])
+    edge = (_AT_THE_EDGE * peak.value, math.inf)
+    error, dof = welch([(peak.own, peak.dof), (fos_in.own, fos_in.dof), edge, *_reaction(fos_out, slope)])
     return estimate(name, value, error, dof=dof)
 
 

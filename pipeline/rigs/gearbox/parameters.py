@@ -276,7 +276,10 @@ def _lock(run: RunNumbers, campaign: CampaignNumbers) -> list[Parameter]:
     lock = campaign.lock[run.name]
     if run.saturated("torque_in", "brake"):
         lock = undetermined("lock_torque", _no_peak(run, "torque_in", "brake"))
-    return [parameter(lock, at, method="peak less T_0"), parameter(slip, at, method=told)]
+    return [
+        parameter(lock, at, method="peak, without ripple and what noise adds to it, less T_0"),
+        parameter(slip, at, method=told),
+    ]
 
 
 def _events(run: RunNumbers) -> list[Parameter]:

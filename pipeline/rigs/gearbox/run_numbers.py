@@ -101,7 +101,11 @@ class RunNumbers:
     @property
     def unlocking(self) -> Torque | None:
         """The input torque that broke the lock, without ripple; None where it is saturated."""
-        return None if self.saturated("torque_in", "brake") else Torque.of_peak(self.unlock, self.zero("torque_in"))
+        return (
+            None
+            if self.saturated("torque_in", "brake")
+            else Torque.of_peak(self.unlock, self.zero("torque_in"), unbiased=True)
+        )
 
     def saturated(self, quantity: str, stage: str) -> bool:
         """Tell whether the peak is flat at its top."""
