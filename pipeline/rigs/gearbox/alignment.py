@@ -88,11 +88,11 @@ def align(record: Record) -> tuple[Record, Alignment]:
 
 def _told(board: str, clock: ClockFit, span: tuple[float, float]) -> Problem:
     text = (
-        f"the clock of the {board} board is {-clock.shift:+.3f} s off that of the torques "
-        f"(standard error {clock.shift_sd:.3f} s); it was moved onto it"
+        f"the stamps of the {board} board are {abs(clock.shift):.3f} s {'behind' if clock.shift > 0 else 'ahead of'} those of the torques "
+        f"(standard error {clock.shift_sd:.3f} s); they were moved by that"
     )
     if clock.drift_applied:
-        text += f", with a drift of {-1e6 * clock.drift:+.0f} ppm (standard error {1e6 * clock.drift_sd:.0f})"
+        text += f", with a drift of {1e6 * clock.drift:+.0f} ppm (standard error {1e6 * clock.drift_sd:.0f})"
     return Problem(span, text)
 
 
