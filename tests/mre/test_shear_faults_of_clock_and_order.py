@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from faulty_logs import assert_numbers_hold, changed, identify, in_all, left_out, said, with_conditions
+from faulty_logs import assert_numbers_hold, changed, in_all, left_out, said, with_conditions
+from faulty_logs import identify as identify_with
 from scipy.signal import butter, lfilter
 
 from pipeline.findings import Findings
@@ -15,6 +16,10 @@ from pipeline.recording import Provenance, Recording
 from pipeline.rigs.mre.shear import SHEAR
 
 RATE = 1000.0
+
+
+def identify(recordings: Iterable[Recording], **settings: object) -> Findings:
+    return identify_with(recordings, starts=1, **settings)
 
 
 @pytest.fixture(scope="module")
