@@ -83,12 +83,18 @@ _SI_NAMES = (
     "V/N",
     "count",
 )  # fmt: skip
+# What a symbol means where this SI unit is wanted: C is then not the coulomb, g not the gram, mil not an angle.
+_MEANT = {
+    "K": {"C": "degC", "F": "degF"},
+    "m/s^2": {"g": "g_0", "mg": "millig_0", "G": "g_0", "gs": "g_0"},
+    "m": {"mil": "thou", "mils": "thou", "Mil": "thou"},
+}
 # Units offered in a message, by the SI unit that they convert to.
 _OFFERED = {
-    "m": "m, cm, mm, um, inch", "s": "s, ms, us, min, h", "N": "N, kN, mN, kgf, lbf",
+    "m": "m, cm, mm, um, mil, inch", "s": "s, ms, us, min, h", "N": "N, kN, mN, kgf, lbf",
     "A": "A, mA", "K": "K, degC, degF", "rad": "rad, deg, turn", "Pa": "Pa, kPa, MPa, bar, psi, mmHg",
     "V": "V, mV", "T": "T, mT, gauss", "Hz": "Hz, kHz, rpm, 1/min", "rad/s": "rad/s, rpm, deg/s, Hz",
-    "m/s": "m/s, mm/s, km/h", "m/s^2": "m/s^2, mm/s^2, g_0", "kg": "kg, g, t, lb", "1": "1, %",
+    "m/s": "m/s, mm/s, km/h", "m/s^2": "m/s^2, mm/s^2, g", "kg": "kg, g, t, lb", "1": "1, %",
     "N m": "N*m, kN*m, N*mm", "m^3/s": "m^3/s, l/min, ml/min, ml/h", "m^3": "m^3, l, ml",
     "N/m": "N/m, N/mm, kN/mm", "W": "W, kW", "J": "J, kJ, W*h", "ohm": "ohm, kohm",
 }  # fmt: skip
@@ -189,8 +195,7 @@ def conversion(unit: str, si_unit: str | None = None, where: str = "unit") -> Co
     >>> round(conversion("rpm", "Hz")(60.0), 12)
     1.0
     """
-    if si_unit == "K":  # where a temperature is wanted, C is not the coulomb nor F the farad
-        unit = {"C": "degC", "F": "degF"}.get(unit.strip().strip("[]()"), unit)
+    unit = _MEANT.get(si_unit or "", {}).get(unit.strip().strip("[]()"), unit)
     factor, offset, base, turns = _understood(unit, where)
     if si_unit is None:
         return Conversion(factor, offset, _si_name(base, turns))

@@ -74,3 +74,11 @@ def test_quantities_carry_their_unit_or_are_si() -> None:
     assert quantity(7, "N") == 7.0
     with pytest.raises(InputError, match="is not a number with a unit"):
         quantity("thick", "m")
+
+
+@pytest.mark.parametrize(
+    ("unit", "si", "factor"),
+    [("mil", "m", 25.4e-6), ("g", "m/s^2", 9.80665), ("mg", "m/s^2", 9.80665e-3), ("g", "kg", 1e-3)],
+)
+def test_a_symbol_with_two_meanings_means_what_the_channel_measures(unit: str, si: str, factor: float) -> None:
+    assert conversion(unit, si).factor == pytest.approx(factor)
