@@ -88,13 +88,34 @@ _MEANT = {
     "K": {"C": "degC", "F": "degF"},
     "m/s^2": {"g": "g_0", "mg": "millig_0", "G": "g_0", "gs": "g_0"},
     "m": {"mil": "thou", "mils": "thou", "Mil": "thou"},
+    "count": dict.fromkeys(
+        (
+            "",
+            "1",
+            "-",
+            "--",
+            "#",
+            "pulse",
+            "pulses",
+            "Pulse",
+            "Pulses",
+            "tick",
+            "ticks",
+            "edges",
+            "increments",
+            "inc",
+            "Inkremente",
+            "Imp",
+        ),
+        "count",
+    ),
 }
 # Units offered in a message, by the SI unit that they convert to.
 _OFFERED = {
     "m": "m, cm, mm, um, mil, inch", "s": "s, ms, us, min, h", "N": "N, kN, mN, kgf, lbf",
     "A": "A, mA", "K": "K, degC, degF", "rad": "rad, deg, turn", "Pa": "Pa, kPa, MPa, bar, psi, mmHg",
     "V": "V, mV", "T": "T, mT, gauss", "Hz": "Hz, kHz, rpm, 1/min", "rad/s": "rad/s, rpm, deg/s, Hz",
-    "m/s": "m/s, mm/s, km/h", "m/s^2": "m/s^2, mm/s^2, g", "kg": "kg, g, t, lb", "1": "1, %",
+    "m/s": "m/s, mm/s, km/h", "m/s^2": "m/s^2, mm/s^2, g", "kg": "kg, g, t, lb", "1": "1, %", "count": "count, pulses, ticks, 1",
     "N m": "N*m, kN*m, N*mm", "m^3/s": "m^3/s, l/min, ml/min, ml/h", "m^3": "m^3, l, ml",
     "N/m": "N/m, N/mm, kN/mm", "W": "W, kW", "J": "J, kJ, W*h", "ohm": "ohm, kohm",
 }  # fmt: skip

@@ -34,7 +34,7 @@ class LoadExchangeSettings(Settings):
 CHANNELS = (
     ChannelSpec("torque_in", "N*m", "shaft torque motor to gearbox, + when it drives the motor's direction", limit=1e3),
     ChannelSpec("torque_out", "N*m", "shaft torque gearbox to flywheel, + when it drives the load forward", limit=1e3),
-    ChannelSpec("encoder_count_out", "1", "cumulative count of the output shaft's encoder", required=False),
+    ChannelSpec("encoder_count_out", "count", "cumulative count of the output shaft's encoder", required=False),
     ChannelSpec(
         "speed_out", "rad/s", "output speed, + in the motor's direction; where counts are missing", required=False,
         limit=2e3,
