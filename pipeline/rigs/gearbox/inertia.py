@@ -125,14 +125,19 @@ def _noise(windows: Windows, residual: np.ndarray) -> Noise:
     overlap = round(WINDOW / HOP)
     calm = windows.calm if windows.calm.sum() > 2 * overlap else np.ones(residual.size, dtype=bool)
     rows = np.flatnonzero(calm)
-    products, counts = np.zeros(overlap + 2), np.zeros(overlap + 2)
+    lags = overlap + 2
+    products, counts, parts = np.zeros(lags), np.zeros(lags), 0
     for part in np.split(rows, np.flatnonzero(np.diff(windows.place[rows]) != 1) + 1):
-        x = residual[part] - residual[part].mean()
         if part.size < overlap:
             continue
-        # The mean of the stretch was taken out, and with it a share of the slow noise.
-        kept = 1 - overlap / (part.size + overlap)
-        for lag in range(min(products.size, part.size)):
-            products[lag] += float(x[lag:] @ x[: part.size - lag]) / kept
+        parts += 1
+        x = residual[part] - residual[part].mean()
+        for lag in range(min(lags, part.size)):
+            products[lag] += float(x[lag:] @ x[: part.size - lag])
             counts[lag] += part.size - lag
-    return Noise(products / np.maximum(counts, 1), max(rows.size / (0.5 * overlap), 1.0))
+    covariance = products / np.maximum(counts, 1)
+    # Each stretch lost its mean, and with it the variance of a mean at every lag: long-run variance over length.
+    long_run = max(2 * float(covariance.sum()) - float(covariance[0]), 0.0)
+    room = counts[0] / max(parts, 1) - (2 * lags - 1)
+    covariance = covariance + (long_run / room if room > lags else 0.0)
+    return Noise(covariance, max(rows.size / (0.5 * overlap), 1.0))
