@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from dynamic_logs import changed, messages, without
+from dynamic_logs import changed, conditions, messages, without
 
 from pipeline.errors import InputError
 from pipeline.findings import Findings
@@ -99,3 +99,20 @@ def test_findings_are_declared_and_drawn() -> None:
     (chapter,) = BASELINE.sections(findings)
     assert [block.name for block in chapter.blocks] == ["ratio", "ratios"]
     assert len(BASELINE.methods(findings)) == 2
+
+
+@pytest.mark.parametrize("stated", [None, 5e6])
+def test_one_tone_does_not_tell_a_mass_from_a_stiffness(stated: float | None) -> None:
+    runs = [conditions(r, stabilizer_stiffness=stated) for r in logs(1, tones=(30.0,))]
+    findings = found_in(runs)
+    mass, stiffness = findings.one("stator_mass"), findings.one("stabilizer_stiffness")
+    assert findings.verdict == "warning"
+    assert "one tone" in findings.reasons[0]
+    assert "k_s = 0" not in messages(findings)
+    assert stiffness.value is None
+    assert "one tone" in stiffness.description
+    if stated is None:
+        assert mass.value is None
+        assert "one tone" in mass.description
+    else:
+        assert abs((mass.value or 0) - 900) < 4 * (mass.std_error or 0)

@@ -24,6 +24,8 @@ from pipeline.rigs.tpjb.dynamic.sorting import read_record
 # Share by which u and v, or two accelerometers, may differ; by which a weighed mass may.
 _ALIKE, _WEIGHED = 0.02, 0.05
 _PAIR = 0.05
+# Ratio of the highest to the lowest tone below which they are one tone.
+_APART = 1.01
 
 
 def identify(recordings: Sequence[Recording], settings: BaselineSettings, context: Context) -> Findings:
@@ -60,21 +62,27 @@ def identify(recordings: Sequence[Recording], settings: BaselineSettings, contex
         np.array([row[3] for row in rows]),
         np.array([row[4] for row in rows]),
     )
-    found = fit(ratios, spring=np.unique(ratios.frequency).size > 1)
-    alone = fit(ratios, spring=False)
-    fatal = _judge(found, ratios, wanted, quality)
+    several = bool(ratios.frequency.max() > _APART * ratios.frequency.min())
+    spring = None if several else _stated_spring(wanted)
+    found = fit(ratios, spring=several, stated=spring or 0.0)
+    fatal = _judge(found, ratios, [] if not several and spring is None else wanted, quality)
+    untold = "" if several else _one_tone(ratios, spring, quality)
     grave = [q for q in quality if q.level != "note"]
-    reasons = [
-        f"m_s = {found.mass:.5g} kg and k_s = {found.stiffness:.3g} N/m from {np.unique(ratios.frequency).size} tones, "
-        f"{len(rows)} ratios of force to acceleration."
-    ]
+    reasons = [untold] if untold else []
+    if several:
+        reasons = [
+            f"m_s = {found.mass:.5g} kg and k_s = {found.stiffness:.3g} N/m from {np.unique(ratios.frequency).size} tones, "
+            f"{len(rows)} ratios of force to acceleration."
+        ]
+    models = [_model("mass and spring", found, ratios, True)] if several else []
+    models.append(_model("mass", fit(ratios, spring=False), ratios, not several))
     return Findings(
         campaign=context.campaign,
         experiment="tpjb.baseline",
         verdict="rejected" if fatal else "warning" if grave else "ok",
-        reasons=[fatal] if fatal else reasons + [q.message for q in grave[:3]],
-        parameters=_parameters(found, ratios, fatal),
-        models=[_model("mass and spring", found, ratios, True), _model("mass", alone, ratios, False)],
+        reasons=[fatal] if fatal else list(dict.fromkeys(reasons + [q.message for q in grave[:3]])),
+        parameters=_parameters(found, ratios, (fatal or (untold if spring is None else ""), fatal or untold)),
+        models=models,
         quality=[Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in quality],
         runs=[Run(run=r.run, used=r.run not in left_out, reason=left_out.get(r.run, "")) for r in recordings],
         arrays=_arrays(found, rows),
@@ -138,6 +146,24 @@ def _acceleration(record: Record, axis: str) -> np.ndarray | None:
     return np.asarray(np.mean([record.amplitudes[n] for n in moving], axis=0))
 
 
+def _stated_spring(recordings: Sequence[Recording]) -> float | None:
+    """Return k_s (N/m) where all runs that state it state the same."""
+    stated = {float(k) for r in recordings if isinstance(k := r.conditions.get("stabilizer_stiffness"), float)}
+    return stated.pop() if len(stated) == 1 else None
+
+
+def _one_tone(ratios: Ratios, spring: float | None, quality: list[QualityFinding]) -> str:
+    """Say what one tone leaves untold."""
+    text = f"one tone ({np.mean(ratios.frequency):.4g} Hz) does not tell a mass from a stiffness: at one tone they are one number"
+    text += (
+        "; neither is given. Excite two or more tones, or state 'stabilizer_stiffness' for the mass."
+        if spring is None
+        else f". The mass holds with the stated k_s = {spring:.4g} N/m, whose error is not in its interval; k_s itself is not given."
+    )
+    quality.append(QualityFinding("warning", text))
+    return text
+
+
 def _judge(found: MassAndSpring, ratios: Ratios, recordings: Sequence[Recording], quality: list[QualityFinding]) -> str:
     """Say what speaks against the model; return why nothing can be given, or ''."""
     if found.mass <= 0:
@@ -169,14 +195,14 @@ def _judge(found: MassAndSpring, ratios: Ratios, recordings: Sequence[Recording]
     return ""
 
 
-def _parameters(found: MassAndSpring, ratios: Ratios, fatal: str) -> list[Parameter]:
+def _parameters(found: MassAndSpring, ratios: Ratios, reasons: tuple[str, str]) -> list[Parameter]:
     dof = float(ratios.dof.sum())
     half = t_quantile(dof)
     out = []
     for number, spec in enumerate(PARAMETERS):
         value = (found.mass, found.stiffness)[number]
         sd = float(found.std_errors[number])
-        reason = fatal or ("" if number == 0 or sd > 0 else "one tone does not tell a stiffness from a mass")
+        reason = reasons[number]
         known = not reason
         out.append(
             Parameter(

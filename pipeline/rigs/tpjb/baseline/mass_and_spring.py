@@ -39,7 +39,7 @@ def ratio(force: np.ndarray, acceleration: np.ndarray) -> tuple[complex, float]:
 
 @dataclass(frozen=True, eq=False)
 class MassAndSpring:
-    """m_s (kg), k_s (N/m), their covariance, chi-square of the fit with its 99 % point; k_s is 0 where not fitted."""
+    """m_s (kg), k_s (N/m), their covariance, chi-square of the fit with its 99 % point; k_s is what was stated where not fitted."""
 
     mass: float
     stiffness: float
@@ -60,8 +60,8 @@ class MassAndSpring:
         return np.asarray(self.widening * np.sqrt(np.diag(self.covariance)))
 
 
-def fit(ratios: Ratios, *, spring: bool = True) -> MassAndSpring:
-    """Fit Re R = m_s - k_s/w^2 by weighted least squares.
+def fit(ratios: Ratios, *, spring: bool = True, stated: float = 0.0) -> MassAndSpring:
+    """Fit Re R = m_s - k_s/w^2 by weighted least squares; without `spring` with the `stated` k_s (N/m).
 
     Examples
     --------
@@ -82,14 +82,15 @@ def fit(ratios: Ratios, *, spring: bool = True) -> MassAndSpring:
     columns = np.stack([np.ones_like(w), -1 / w**2], axis=1)[:, : 2 if spring else 1] / weight[:, None]
     norm = np.linalg.norm(columns, axis=0)
     gain = np.linalg.pinv(columns / norm) / norm[:, None] / weight
-    solution = gain @ ratios.value.real
-    left = (ratios.value.real / weight) - columns @ solution
+    target = ratios.value.real if spring else ratios.value.real + stated / w**2
+    solution = gain @ target
+    left = target / weight - columns @ solution
     covariance = np.zeros((2, 2))
     covariance[: solution.size, : solution.size] = (gain * ratios.std_error**2) @ gain.T
     limit = chi2_limit(w.size, solution.size, 2 * ratios.dof)
     return MassAndSpring(
         float(solution[0]),
-        float(solution[1]) if spring else 0.0,
+        float(solution[1]) if spring else stated,
         covariance,
         float(left @ left),
         w.size - solution.size,
