@@ -116,3 +116,10 @@ def test_one_tone_does_not_tell_a_mass_from_a_stiffness(stated: float | None) ->
         assert "one tone" in mass.description
     else:
         assert abs((mass.value or 0) - 900) < 4 * (mass.std_error or 0)
+
+
+def test_findings_that_do_not_serve_are_named() -> None:
+    other = Findings(campaign="b", experiment="tpjb.bump", verdict="ok")
+    findings = identify(logs(1), BaselineSettings(), Context("t0", {"b": other}))
+    assert findings.verdict == "ok"
+    assert "'b' (tpjb.bump) was handed over and is not used" in messages(findings)

@@ -55,6 +55,9 @@ def identify(recordings: Sequence[Recording], settings: BaselineSettings, contex
         )
     quality = [finding for record in records for finding in record.quality]
     quality += [QualityFinding("error", f"left out: {reason}", run) for run, reason in left_out.items()]
+    for campaign, other in context.uses.items():
+        text = f"campaign '{campaign}' ({other.experiment}) was handed over and is not used: a baseline uses no other findings."
+        quality.append(QualityFinding("note", text))
     ratios = Ratios(
         np.array([row[0] for row in rows]),
         tuple(row[1] for row in rows),

@@ -52,6 +52,9 @@ def identify(recordings: Sequence[Recording], settings: BumpSettings, context: C
             _say(record, judgement)
         judge(fit, settings, judgement)
     parameters = []
+    for campaign, other in context.uses.items():
+        text = f"campaign '{campaign}' ({other.experiment}) was handed over and is not used: a bump test uses no other findings."
+        judgement.quality.append(Quality(level="note", message=text))
     for bearing, fit in fits.items():
         parameters += parameters_of(fit, {"bearing": bearing} if len(fits) > 1 else {}, wrong_unit(fit))
     _alignment(parameters, settings, judgement)

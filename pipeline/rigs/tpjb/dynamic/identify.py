@@ -38,6 +38,7 @@ def identify(recordings: Sequence[Recording], settings: DynamicSettings, context
         _judge_slip(solution)
     quality = [*noticed(pools), *(finding for solution in solutions for finding in solution.quality)]
     quality += [QualityFinding("error", f"left out: {reason}", run) for run, reason in left_out.items()]
+    quality = list(dict.fromkeys(quality))
     verdict, reasons = _verdict(solutions, quality)
     return Findings(
         campaign=context.campaign,
@@ -142,7 +143,9 @@ def _summary(solution: Solution) -> str:
             if len(constant) == len(degrees)
             else (f" With frequency change {', '.join(f'{n} (degree {d})' for n, d in degrees.items() if d)}.")
         )
-    return f"{solution.pool.label}: H at {counted(solution.tones.size, 'tone')} from {blocks} blocks.{law}"
+    inertia = solution.inertia
+    held = f" The stator's {inertia.mass:.5g} kg are from {inertia.source}." if inertia.mass is not None else ""
+    return f"{solution.pool.label}: H at {counted(solution.tones.size, 'tone')} from {blocks} blocks.{law}{held}"
 
 
 def _advice(solutions: Sequence[Solution]) -> list[str]:

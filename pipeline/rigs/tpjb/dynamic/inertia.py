@@ -8,8 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.errors import listing
 from pipeline.findings import Findings
-from pipeline.recording import Condition, QualityFinding, Recording
+from pipeline.recording import Condition, Level, QualityFinding, Recording
+
+_BASELINE = "tpjb.baseline"
+# Relative errors that a stated mass and a stated stiffness may have at least.
+_WEIGHED, _STATED = 1e-3, 0.05
 
 
 @dataclass(frozen=True)
@@ -35,30 +40,36 @@ class Inertia:
 
 
 def inertia_of(recordings: Sequence[Recording], uses: Mapping[str, Findings]) -> Inertia:
-    """Return the stator's inertia for the runs of one operating point."""
+    """Return the stator's inertia for the runs of one operating point.
+
+    A usable baseline campaign goes before what the runs state; where they differ that is said. What was
+    handed over and is not used is said, too.
+    """
+    noticed: list[QualityFinding] = []
+    taken = ""
     for campaign, found in uses.items():
-        if found.experiment == "tpjb.baseline":
-            given = _of_baseline(campaign, found)
-            if given is not None:
-                return given
-    mass, stiffness = (_stated(recordings, name) for name in ("stator_mass", "stabilizer_stiffness"))
-    noticed = []
+        reason = f"'{taken}' is used already" if taken and found.experiment == _BASELINE else _unusable(found)
+        if not reason:
+            taken = campaign
+            continue
+        level: Level = "warning" if found.experiment == _BASELINE and not taken else "note"
+        text = f"campaign '{campaign}' ({found.experiment}) was handed over and is not used: {reason}."
+        noticed.append(QualityFinding(level, text))
+    if taken:
+        return _of_baseline(taken, uses[taken], recordings, noticed)
+    mass = _stated(recordings, "stator_mass")
     if mass is None:
+        why = f" {noticed[0].message}" if noticed else ""
         reason = (
             "'stator_mass' is not given, so that the inertia of the stator cannot be taken off the force. Give it as a "
-            "condition, or 'uses: [CAMPAIGN]' with a campaign of tpjb.baseline"
+            f"condition, or 'uses: [CAMPAIGN]' with a campaign of tpjb.baseline.{why}"
         )
-        return Inertia(None, 0.0, math.nan, math.nan, 0.0, reason)
-    for name, values in (("stator_mass", mass), ("stabilizer_stiffness", stiffness)):
-        if values is not None and np.ptp(values) > 1e-3 * abs(np.mean(values)):
-            text = f"the runs of one operating point state {name} from {min(values):g} to {max(values):g}; the mean is used."
-            noticed.append(QualityFinding("warning", text, recordings[0].run))
-    if stiffness is None:
-        text = "'stabilizer_stiffness' is not given and taken as none: stiffness comes out about 1 % high."
-        noticed.append(QualityFinding("warning", text, recordings[0].run))
+        return Inertia(None, 0.0, math.nan, math.nan, 0.0, reason, tuple(noticed))
+    stiffness = _stated_stiffness(recordings, noticed)
+    _varying(recordings, noticed, stator_mass=mass)
     return Inertia(
         float(np.mean(mass)),
-        0.0 if stiffness is None else float(np.mean(stiffness)),
+        stiffness,
         math.nan,
         math.nan,
         0.0,
@@ -67,21 +78,85 @@ def inertia_of(recordings: Sequence[Recording], uses: Mapping[str, Findings]) ->
     )
 
 
-def _of_baseline(campaign: str, found: Findings) -> Inertia | None:
-    mass = next((p for p in found.parameters if p.name == "stator_mass" and p.value is not None), None)
-    stiffness = next((p for p in found.parameters if p.name == "stabilizer_stiffness" and p.value is not None), None)
-    if mass is None or mass.value is None:
-        return None
+def _unusable(found: Findings) -> str:
+    """Return why findings tell nothing of the stator's inertia; '' where they do."""
+    if found.experiment != _BASELINE:
+        return "of other experiments the dynamic test takes the stator's mass and stiffness from tpjb.baseline only"
+    if found.verdict == "rejected":
+        return f"its verdict is rejected ({' '.join(found.reasons[:1]) or 'no reason given'})".replace(".)", ")")
+    masses = found.find("stator_mass")
+    if not any(p.value is not None for p in masses):
+        return f"it gives no mass ({masses[0].description if masses else 'no parameter stator_mass'})".replace(
+            ".)", ")"
+        )
+    return ""
+
+
+def _of_baseline(
+    campaign: str, found: Findings, recordings: Sequence[Recording], noticed: list[QualityFinding]
+) -> Inertia:
+    mass = next(p for p in found.find("stator_mass") if p.value is not None)
+    stiffness = next((p for p in found.find("stabilizer_stiffness") if p.value is not None), None)
+    assert mass.value is not None
+    if found.verdict != "ok":
+        text = (
+            f"campaign '{campaign}' (tpjb.baseline), which gives the stator's mass, has the verdict {found.verdict}: "
+        )
+        noticed.append(QualityFinding("warning", text + " ".join(found.reasons[-2:])))
+    for parameter, slack, unit, scale in ((mass, _WEIGHED, "kg", 1.0), (stiffness, _STATED, "MN/m", 1e-6)):
+        stated = _stated(recordings, parameter.name) if parameter is not None else None
+        if parameter is None or parameter.value is None or stated is None:
+            continue
+        sd = parameter.std_error or 0.0
+        apart = abs(parameter.value - float(np.mean(stated)))
+        level: Level = "warning" if apart > 2 * sd + slack * abs(parameter.value) else "note"
+        text = (
+            f"{parameter.name}: the runs state {scale * float(np.mean(stated)):.5g} {unit}, campaign '{campaign}' found "
+            f"{scale * parameter.value:.5g} ± {scale * 2 * sd:.2g} {unit}; the latter is used"
+        )
+        mend = ". They differ by more than their errors: mend one of them." if level == "warning" else "."
+        noticed.append(QualityFinding(level, text + mend))
+    bearings = [
+        {str(b) for b in held if b}
+        for held in (
+            [r.conditions.get("bearing") for r in found.runs],
+            [r.conditions.get("bearing") for r in recordings],
+        )
+    ]
+    if all(bearings) and not bearings[0] & bearings[1]:
+        text = f"campaign '{campaign}' weighed the stator with bearing {listing(bearings[0])}, these runs hold {listing(bearings[1])}."
+        noticed.append(QualityFinding("warning", text))
     table = found.arrays.get("covariance")
     correlation = float(table["correlation"].iloc[0]) if table is not None and len(table) else 0.0
+    known = stiffness is not None and stiffness.value is not None
     return Inertia(
         mass.value,
-        stiffness.value if stiffness is not None and stiffness.value is not None else 0.0,
+        float(stiffness.value)
+        if stiffness is not None and stiffness.value is not None
+        else _stated_stiffness(recordings, noticed),
         mass.std_error if mass.std_error is not None else math.nan,
-        stiffness.std_error if stiffness is not None and stiffness.std_error is not None else math.nan,
+        stiffness.std_error if known and stiffness is not None and stiffness.std_error is not None else math.nan,
         correlation,
         f"campaign '{campaign}' (tpjb.baseline)",
+        tuple(noticed),
     )
+
+
+def _stated_stiffness(recordings: Sequence[Recording], noticed: list[QualityFinding]) -> float:
+    stiffness = _stated(recordings, "stabilizer_stiffness")
+    if stiffness is None:
+        text = "'stabilizer_stiffness' is not given and taken as none: stiffness comes out about 1 % high."
+        noticed.append(QualityFinding("warning", text, recordings[0].run))
+        return 0.0
+    _varying(recordings, noticed, stabilizer_stiffness=stiffness)
+    return float(np.mean(stiffness))
+
+
+def _varying(recordings: Sequence[Recording], noticed: list[QualityFinding], **stated: list[float]) -> None:
+    for name, values in stated.items():
+        if np.ptp(values) > 1e-3 * abs(np.mean(values)):
+            text = f"the runs of one operating point state {name} from {min(values):g} to {max(values):g}; the mean is used."
+            noticed.append(QualityFinding("warning", text, recordings[0].run))
 
 
 def _stated(recordings: Sequence[Recording], name: str) -> list[float] | None:

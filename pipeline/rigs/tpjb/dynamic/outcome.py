@@ -194,12 +194,27 @@ def arrays_of(solutions: Sequence[Solution], products: Sequence[Sequence[Product
     """Return the tables that the report draws: coefficients, laws, synchronous values, tones, blocks and more."""
     tables: dict[str, list[dict[str, Any]]] = {
         name: []
-        for name in ("coefficients", "laws", "synchronous", "tones", "blocks", "products", "shares", "added_mass")
+        for name in (
+            "coefficients",
+            "laws",
+            "synchronous",
+            "tones",
+            "blocks",
+            "products",
+            "shares",
+            "added_mass",
+            "inertia",
+        )
     }
     for solution, lines in zip(solutions, products, strict=True):
         here = {"point": solution.pool.label, "shaft": solution.pool.shaft or np.nan}
         _coefficient_rows(solution, here, tables)
         _tone_rows(solution, here, tables)
+        inertia = solution.inertia
+        if inertia.mass is not None:
+            row = {**here, "mass": inertia.mass, "mass_error": inertia.mass_error, "source": inertia.source}
+            row |= {"stiffness": inertia.stiffness, "stiffness_error": inertia.stiffness_error}
+            tables["inertia"].append(row)
         for line in lines:
             for f, amplitude, noise in zip(line.frequency, line.amplitude, line.noise, strict=True):
                 tables["products"].append(

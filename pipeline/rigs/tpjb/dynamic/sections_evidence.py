@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from pipeline.findings import Findings
-from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Table, Text
+from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Table, Text, Value
 
 
 def evidence(findings: Findings) -> list[Figure | Table | Text]:
@@ -14,6 +14,8 @@ def evidence(findings: Findings) -> list[Figure | Table | Text]:
     blocks: list[Figure | Table | Text] = []
     if "products" in arrays:
         blocks.append(_products(arrays))
+    if "inertia" in arrays:
+        blocks.append(_inertia(arrays["inertia"]))
     if "tones" in arrays:
         table = arrays["tones"]
         snr = [c for c in table if c.startswith("snr_")]
@@ -70,6 +72,24 @@ def evidence(findings: Findings) -> list[Figure | Table | Text]:
             )
         )
     return blocks
+
+
+def _inertia(table: pd.DataFrame) -> Table:
+    return Table(
+        "inertia",
+        "Inertia of the stator that was taken off the force",
+        "Mass and parallel stiffness as used, with standard errors where the source gives them.",
+        [Column("operating point"), Column("m_s", "kg"), Column("k_s", "N/m"), Column("from")],
+        [
+            [
+                str(r["point"]),
+                Value(float(r["mass"]), _finite(r["mass_error"])),
+                Value(float(r["stiffness"]), _finite(r["stiffness_error"])),
+                str(r["source"]),
+            ]
+            for _, r in table.iterrows()
+        ],
+    )
 
 
 def _finite(value: float) -> float | None:
