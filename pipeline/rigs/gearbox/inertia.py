@@ -74,7 +74,9 @@ def load_parameters(windows: Sequence[Windows]) -> LoadFit | None:
         return None
     first = np.linalg.lstsq(A / scale, np.concatenate([w.torque for w in windows]), rcond=None)[0] / scale
     noises = [_noise(w, w.torque - w.columns @ first) for w in windows]
-    weighted = [w.weighted(w.columns / scale, noise) for w, noise in zip(windows, noises, strict=True)]
+    # One weight for all runs: each run's own noise is too rough a figure, and would favour runs that look quiet by chance.
+    typical = Noise(np.mean([noise.covariance for noise in noises], axis=0), 1.0)
+    weighted = [w.weighted(w.columns / scale, typical) for w in windows]
     information = sum((x.T @ w.columns for x, w in zip(weighted, windows, strict=True)), np.zeros((3, 3)))
     pulls = [np.linalg.solve(information, x.T) for x in weighted]
     values = sum((pull @ w.torque for pull, w in zip(pulls, windows, strict=True)), np.zeros(3))
