@@ -29,6 +29,8 @@ _LEAST_SAMPLES = 40
 _LEAST_REST = 5
 # A mean force at rest above this share of the full force is taken off.
 _ZERO = 0.01
+# Pitching, share of the orbit, that a second plane would tell; for the bias of a single one.
+_PITCHING = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +154,24 @@ def _sound_probes(
     findings += judged.findings
     probes = probes_of(names, recording.conditions, judged.excluded, recording.run)
     findings += probes.findings
+    findings += _one_plane(recording, probes)
     return probes
+
+
+def _one_plane(recording: Recording, probes: Probes) -> list[QualityFinding]:
+    """Warn of a single probe plane off the middle: pitching cannot be seen there and scales every coefficient."""
+    if len(probes.planes) == 2:
+        return []
+    seen = {int(name[6]) for name in probes.names}
+    z = [recording.conditions.get(f"z{plane}") for plane in seen]
+    if all(at == 0.0 for at in z):
+        return []
+    text = (
+        "probes in one plane only (along u, v or both): a pitching stator would bias all coefficients by as "
+        f"much as that plane moves off the middle, which cannot be seen: {100 * _PITCHING:g} % of pitching makes {100 * _PITCHING:g} % in every "
+        f"stiffness and {200 * _PITCHING:g} % in every quadratic term. This is in no interval."
+    )
+    return [QualityFinding("warning", text, recording.run)]
 
 
 def _covariance(a: np.ndarray, b: np.ndarray) -> float:
