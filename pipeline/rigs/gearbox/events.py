@@ -55,7 +55,8 @@ def startup_event(record: Record, counts: Counts, stages: Sequence[Stage]) -> Fo
         return _widened({"startup": blunt})
     late = time - first
     columns = [np.ones_like(late), late, late**2]
-    bend, (without, bent) = find_break(time, level, columns, [ramp, parabola], (since, first))
+    latest = min(first, max(blunt.time, near) + blunt.sd)
+    bend, (without, bent) = find_break(time, level, columns, [ramp, parabola], (since, latest))
     clear = without - bent > _CLEAR * bent / time.size
     return _widened({"startup": bend if clear else blunt})
 
