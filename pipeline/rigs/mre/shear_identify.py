@@ -181,9 +181,9 @@ def _dynamic(runs: SortedRuns, options: FitOptions, settings: ShearSettings) -> 
     for run in odd:
         runs.set_aside(run.run, run.reason, "force")
     if pair:
-        said = f"{listing(pair)} contradict each other; which of them is wrong cannot be told."
+        said = _contradiction(pair)
         runs.say("warning", None, said, "force")
-        outcome.doubts.append(f"Runs {said}")
+        outcome.doubts.append(said)
     if odd:
         left = {loop.run for loop in found.selected.loops}
         found, doubts = _with_mass(found, [loop for loop in main if loop.run in left], options, runs)
@@ -193,6 +193,14 @@ def _dynamic(runs: SortedRuns, options: FitOptions, settings: ShearSettings) -> 
     outcome.found = found
     outcome.doubts += doubts
     return outcome
+
+
+def _contradiction(rivals: Sequence[str]) -> str:
+    *named, last = rivals
+    if last.endswith("as a whole"):
+        candidates = f"; the strongest candidates: {listing(named)}" if named else ""
+        return f"The runs as a whole do not agree{candidates}."
+    return f"Runs {listing(rivals)} contradict each other; which of them is wrong cannot be told."
 
 
 def _with_mass(
