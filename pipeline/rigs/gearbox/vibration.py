@@ -22,8 +22,8 @@ _ORDER_STEP = 0.1
 class StageVibration:
     """Vibration of one channel in one stage, above 2 Hz.
 
-    `rms` m/s^2 and its standard error over pieces of the stage; `crest` largest over rms; `kurtosis`
-    3 for Gaussian noise, 1.5 for a sine; `transient` where shocks were, excess over the median piece.
+    `rms` m/s^2 and its standard error from the scatter of `pieces` of the stage; `crest` largest over rms;
+    `kurtosis` 3 for Gaussian noise, 1.5 for a sine.
     """
 
     rms: float
