@@ -127,7 +127,10 @@ def test_a_folded_mesh_line_is_told() -> None:
 
 def test_a_clock_that_is_off_is_told_and_moved() -> None:
     findings = findings_of(recording_of({"encoder_shift": 0.3}))
-    assert "the clock of the encoder board" in messages(findings)
+    clock = findings.arrays["clocks"].set_index("board").loc["encoder"]
+    assert clock["applied"]
+    assert clock["shift"] == pytest.approx(0.3, abs=0.03)
+    assert "encoder board" in messages(findings)
     assert findings.one("event_time", event="sos_start").value == pytest.approx(10.35, abs=0.1)
 
 

@@ -96,7 +96,7 @@ def _time_plot(findings: Findings, run: str) -> Figure:
     if len(levels):
         ends, values = levels[["start", "end"]].to_numpy(), levels["value"].to_numpy()
         x = np.column_stack([ends, np.full(len(ends), np.nan)]).ravel()
-        torque.append(Line(x, np.repeat(values, 3), "reference", "nominal", dashed=True))
+        torque.append(Line(x, np.repeat(values, 3), "residual", "nominal"))
     torque += _event_rules(findings, run)
     speed = signals["speed"].to_numpy()
     panels = [
