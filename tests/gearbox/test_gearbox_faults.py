@@ -142,6 +142,21 @@ def test_a_shaft_that_never_turns_is_refused() -> None:
     assert "never turns" in refused(replace(recording, streams=streams))
 
 
+def test_a_dead_torque_is_refused() -> None:
+    recording = recording_of({})
+    stream = recording.streams["torque"]
+    channels = {**stream.channels, "torque_out": Channel("torque_out", np.zeros(stream.time.size), "N*m")}
+    dead = replace(recording, streams={**recording.streams, "torque": replace(stream, channels=channels)})
+    assert "torque_out does not move at all" in refused(dead)
+
+
+def test_a_nominal_speed_that_is_off_does_not_hide_the_mesh_lines() -> None:
+    recording = recording_of({"vibration": True})
+    findings = findings_of(replace(recording, conditions={**recording.conditions, "speed_nominal": 15.0}))
+    assert findings.one("speed_in_sos").value == pytest.approx(12.3786, rel=1e-3)
+    assert "times speed_nominal" in messages(findings)
+
+
 def test_a_log_without_encoder_or_torque_says_what_it_has() -> None:
     recording = recording_of({})
     alone = replace(recording, streams={"torque": recording.streams["torque"]})

@@ -24,8 +24,8 @@ _DECODINGS = (0.25, 0.5, 2.0, 4.0)
 _UNITS = {60.0 / (2.0 * math.pi): "rpm", 1.0 / (2.0 * math.pi): "Hz"}
 # A factor between what was read and what was set is recognised within that share.
 _NEAR = 0.08
-# An uncompensated drive loses speed under load, but not that much.
-_MOST_SLIP = 0.3
+# An uncompensated drive loses speed under load; more than that is told.
+_MOST_SLIP = 0.1
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,10 @@ def input_faults(record: Record, counts: Counts | None = None) -> list[QualityFi
     counts
         Its output shaft, where it is known already.
     """
+    dead = [name for name in TORQUES if not np.ptp(record.torque[name]) > 0]
+    if dead:
+        text = "does not move at all: the sensor is dead, not connected, or mapped to the wrong column"
+        return [QualityFinding("error", f"{name} {text}", record.run, name) for name in dead]
     stretch = fast_stretch(record, counts or counts_of(record))
     if stretch is None:
         text = "the output shaft never turns: no stage can be told. Look whether the encoder is connected and mapped"

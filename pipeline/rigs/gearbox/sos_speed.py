@@ -51,7 +51,8 @@ def input_speed_of(record: Record, run: AlignedRun) -> InputSpeed | None:
         if part.size > 10:
             error = float(part.std() / math.sqrt(max((end - start) / 0.5, 1.0)))
             return InputSpeed(float(np.mean(part)), error, "measured", "input speed measured")
-    nominal = record.speed_nominal or run.speed_nominal
+    # What the output shaft does while locked is the input's speed too: surer than a condition.
+    nominal = run.speed_nominal if math.isfinite(run.speed_nominal) else record.speed_nominal or math.nan
     if record.vibration is not None and math.isfinite(nominal):
         found = input_speed(
             record.vibration.time, record.vibration.values, (start, end), nominal, line_orders(teeth_in(record))
