@@ -31,6 +31,16 @@ def spike(_: np.ndarray, values: np.ndarray) -> np.ndarray:
     return values
 
 
+def cut(share: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    return lambda _, values: np.minimum(values, np.quantile(values, share))
+
+
+def cut_once(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    first = time < 3.0  # the first block, further off than the others
+    values[first] += 2e-4
+    return np.minimum(values, np.quantile(values[first], 0.95))
+
+
 def silenced(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     turning = np.exp(2j * np.pi * 13 * time)
     return values - (2 * np.mean(values * turning.conj()) * turning).real
@@ -86,6 +96,13 @@ DEALT_WITH = {
     ),
     "stuck force": (lambda: [changed(logs(1)[0], "force_v", stuck), logs(1)[1]], "warning", "stuck or off"),
     "spike": (lambda: [changed(logs(1)[0], "gap_up1", spike), logs(1)[1]], "warning", "a spike"),
+    "probe clipped at its tops": (lambda: mended(logs(1), "gap_up1", cut(0.97)), "warning", "gap_um1 alone serves"),
+    "probe clipped once": (
+        lambda: [changed(logs(1)[0], "gap_up1", cut_once), logs(1)[1]],
+        "warning",
+        "is clipped in 1 of",
+    ),
+    "accelerometer clipped": (lambda: mended(logs(1), "acc_va", cut(0.98)), "warning", "acc_vb alone serves"),
     "modes exchanged": (
         lambda: [conditions(r, mode=m) for r, m in zip(logs(1), ("antiphase", "in-phase"), strict=True)],
         "warning",
@@ -115,6 +132,8 @@ NOT_TOLD = {
     "gaps a thousand times too small": (lambda: scaled(logs(1), GAP, 1e-3), "unit of the gaps"),
     "forces in kN": (lambda: scaled(logs(1), ("force_u", "force_v"), 1e-3), "unit of a force"),
     "one force in kN": (lambda: scaled(logs(1), ("force_u",), 1e-3), "its force in another unit"),
+    "force clipped": (lambda: [changed(r, "force_u", cut(0.97)) for r in logs(1)], "is clipped"),
+    "pair clipped": (lambda: mended(mended(logs(1), "gap_up1", cut(0.97)), "gap_um1", cut(0.97)), "clipped, too"),
     "no stator mass": (lambda: [conditions(r, stator_mass=None) for r in logs(1)], "'stator_mass' is not given"),
 }
 

@@ -94,6 +94,8 @@ def identify(recordings: Sequence[Recording], settings: BaselineSettings, contex
 
 def _ratios(record: Record, settings: BaselineSettings) -> list[tuple[float, str, complex, float, float, str]]:
     """Return frequency, axis, ratio, its error, degrees of freedom and excitation of each tone that is driven."""
+    if record.unusable:
+        raise InputError(record.unusable)
     if not record.usable.any():
         raise InputError(f"run '{record.run}': neither force_u nor force_v holds a tone; was the drive on?")
     rows = []

@@ -122,6 +122,9 @@ def pool(at: dict[str, float | str | bool], members: Sequence[Recording], orders
     for recording, record in records:
         _check_state(record, recording)
     found.missing = _missing_direction(found.records)
+    clipped = " ".join(record.unusable for record in found.records if record.unusable)
+    if found.missing and clipped:
+        found.missing = clipped
     if not found.missing:
         _gather(found, records, columns)
     return found, left_out
@@ -131,6 +134,8 @@ def _gather(found: Pool, records: Sequence[tuple[Recording, Record]], columns: S
     """Fill the pool with the blocks of the pair of excitations that tells both directions."""
     gathered: dict[str, _Gathered] = {}
     for (recording, record), pick in zip(records, columns, strict=True):
+        if record.unusable:
+            continue
         D, products, _ = displacement_of(record, recording)
         A = acceleration_of(record, D)
         F = in_xy(record.amplitudes["force_u"], record.amplitudes["force_v"])

@@ -40,6 +40,8 @@ class Record:
         By channel: standard deviation of what is left, shape (B,).
     kinds, usable
         Excitation of each block and whether it is used.
+    unusable
+        Why no block is used; '' where some are.
     """
 
     run: str
@@ -55,6 +57,7 @@ class Record:
     usable: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     dropped: dict[float, str] = field(default_factory=dict)
     quality: list[QualityFinding] = field(default_factory=list)
+    unusable: str = ""
 
     def say(
         self, level: Level, message: str, channel: str | None = None, span: tuple[float, float] | None = None

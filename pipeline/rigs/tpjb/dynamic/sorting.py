@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.recording import Recording
 from pipeline.rigs.tpjb.dynamic import excitation
+from pipeline.rigs.tpjb.dynamic.clipping import leave_out_clipped
 from pipeline.rigs.tpjb.dynamic.record import Record, read_amplitudes
 
 
@@ -17,10 +18,11 @@ def read_record(recording: Recording, channels: Sequence[str], orders: int, *, s
     Raises
     ------
     InputError
-        If the run has no tone, or is too short for the blocks.
+        If the run has no tone or is too short for the blocks.
     """
     record = read_amplitudes(recording, channels, orders, still=still)
     sort_blocks(record)
+    leave_out_clipped(record, recording)
     return record
 
 
