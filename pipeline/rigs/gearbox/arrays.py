@@ -44,7 +44,7 @@ def arrays_of(
         "overview": (("run", "time", "torque_in", "torque_out", "speed", "vibration", "channel"),
                      lambda run: _overview(run, vibration[run.name])),
         "stages": (("run", "stage", "start", "end"), _stages),
-        "events": (("run", "event", "time", "sd"), _events),
+        "events": (("run", "event", "time", "sd", "disturbance"), lambda run: _events(run, vibration[run.name])),
         "levels": (("run", "quantity", "stage", "value", "sd", "low", "high", "start", "end", "type_b", "turns",
                     "correlation_time"), lambda run: _levels(run, settings)),
         "peaks": (("run", "quantity", "stage", "value", "sd", "low", "high", "raw", "bias", "time", "saturated", "type_b"),
@@ -103,9 +103,15 @@ def _stages(run: RunNumbers) -> Rows:
     ]
 
 
-def _events(run: RunNumbers) -> Rows:
+def _events(run: RunNumbers, vibration: VibrationNumbers) -> Rows:
     return [
-        {"run": run.name, "event": name, "time": event.time, "sd": event.sd}
+        {
+            "run": run.name,
+            "event": name,
+            "time": event.time,
+            "sd": event.sd,
+            "disturbance": vibration.disturbance.get(name, math.nan),
+        }
         for name, event in run.segmentation.events.items()
     ]
 

@@ -27,8 +27,6 @@ class LoadExchangeSettings(Settings):
     )
     slope_tolerance: float = Field(0.05, gt=0, lt=1, description="FOS slope further from 1 asks for cross-calibration")
     least_speeds: int = Field(5, ge=5, le=20, description="speeds that the drag's four parameters need")
-    draws: int = Field(200, ge=50, le=2000, description="draws of the bootstrap of the inertia")
-    seed: int = Field(0, ge=0, description="of the bootstrap")
 
 
 CHANNELS = (

@@ -81,7 +81,7 @@ def of_stages(findings: Findings) -> list[Figure | Table]:
     others = [str(run) for run in findings.arrays["runs"]["run"] if str(run) not in shown]
     if others:
         figures.append(_others(findings, others))
-    return [*figures, _events(findings), *_clocks(findings)]
+    return [*figures, _events(findings), *_exchange(findings), *_clocks(findings)]
 
 
 def _time_plot(findings: Findings, run: str) -> Figure:
@@ -210,16 +210,52 @@ def _events(findings: Findings) -> Table:
         for event in EVENTS:
             found = own[own["event"] == event]
             cells.append(Value(float(found["time"].iloc[0]), float(found["sd"].iloc[0])) if len(found) else None)
-        stop = [own[own["event"] == event]["time"] for event in ("unlock", "sos_start")]
-        cells.append(float(stop[1].iloc[0] - stop[0].iloc[0]) if all(len(s) for s in stop) else None)
         rows.append(cells)
     return Table(
         "events",
         "Events",
         "When things happened, on the clock of the torques; an empty cell did not happen or was not seen.",
-        [Column("run"), *(Column(words, "s") for words in EVENTS.values()), Column("time to stop", "s")],
+        [Column("run"), *(Column(words, "s") for words in EVENTS.values())],
         rows,
     )
+
+
+def _exchange(findings: Findings) -> list[Table]:
+    """Return how the lock broke and closed again in each run."""
+    rows: list[list[Cell]] = []
+    for run in findings.arrays["runs"]["run"]:
+        found = {str(row["event"]): row for row in records(of_run(findings.arrays["events"], str(run)))}
+        if "unlock" not in found:
+            continue
+        peak = next(
+            (p for p in findings.find("torque_in_peak", run=str(run), stage="brake") if p.value is not None), None
+        )
+        shook = [float(found[name]["disturbance"]) if name in found else np.nan for name in ("unlock", "relock")]
+        rows.append([
+            str(run), Value(peak.value, peak.std_error, peak.ci95) if peak else None, _between(found, "unlock", "sos_start"),
+            _between(found, "sos_end", "relock"), *(value if np.isfinite(value) else None for value in shook),
+        ])  # fmt: skip
+    if not rows:
+        return []
+    return [
+        Table(
+            "exchange",
+            "Unlocking and locking again",
+            "Torque that broke the lock, times to stop and to lock again, and how much the event shakes the bearing: mean square of the "
+            "vibration within 0.1 s of it over that of FOS.",
+            [Column("run"), Column("input torque at unlock", "N*m"), Column("unlock to stop", "s"), Column("start to relock", "s"),
+             Column("shake at unlock"), Column("shake at relock")],
+            rows,
+        )
+    ]  # fmt: skip
+
+
+def _between(found: dict[str, dict[str, Any]], first: str, last: str) -> Value | None:
+    """Return the time from one event to another with its error."""
+    if first not in found or last not in found:
+        return None
+    spread = float(np.hypot(found[first]["sd"], found[last]["sd"]))
+    return Value(float(found[last]["time"] - found[first]["time"]), spread)
 
 
 def _clocks(findings: Findings) -> list[Table]:
