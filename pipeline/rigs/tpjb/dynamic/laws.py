@@ -13,6 +13,8 @@ import numpy as np
 
 # Share of right laws that are let pass.
 LEVEL = 0.99
+# Gain of chi-square by which one explanation is believed and another is not: odds of 150 to 1.
+_DECISIVE = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +123,7 @@ def choose(laws: Sequence[Law]) -> Law | None:
 
 @dataclass(frozen=True, eq=False)
 class Imitation:
-    """A trend that all stiffnesses share, told beside constant K and C.
+    """A trend that all stiffnesses share, told beside constant (or straight) K and C.
 
     `value` of the extra parameter with its standard error; chi-square with it and without.
     """
@@ -135,14 +137,25 @@ class Imitation:
 
     @property
     def explains(self) -> bool:
-        """Tell whether constants alone fail and constants with this one parameter pass."""
+        """Tell whether K and C alone fail and with this one parameter pass."""
         return self.chi2 <= self.limit < self.chi2_without and abs(self.value) > 3 * self.std_error
+
+    def beats(self, other: Imitation) -> bool:
+        """Tell whether this one explains the trend and the other one fits it decisively worse."""
+        return self.explains and other.chi2 - self.chi2 > _DECISIVE * max(1.0, self.chi2 / self.dof)
 
 
 def imitation(
-    w: np.ndarray, H: np.ndarray, std_error: np.ndarray, noise_dof: np.ndarray, pattern: np.ndarray
+    w: np.ndarray,
+    H: np.ndarray,
+    std_error: np.ndarray,
+    noise_dof: np.ndarray,
+    pattern: np.ndarray,
+    degree: int = 0,
 ) -> Imitation:
-    """Fit constant K and C and one parameter p with H = K + i w C + p `pattern` over all tones and entries.
+    """Fit K and C and one parameter p with H = K + i w C + p `pattern` over all tones and entries.
+
+    K and C are polynomials of `degree` in w.
 
     Parameters
     ----------
@@ -153,31 +166,33 @@ def imitation(
         was not taken off is A D^-1.
     """
     k = w.size
-    one, turn = np.ones(k), w
+    n = degree + 1
+    own = np.vander(w / w.max(), n, increasing=True)
     columns, target = [], []
     for i in range(2):
         for j in range(2):
             sd = std_error[:, i, j]
-            for part, base in ((np.real, one), (np.imag, turn)):
-                block = np.zeros((k, 9))
-                block[:, 4 * i + 2 * j + (0 if part is np.real else 1)] = base / sd
-                block[:, 8] = part(pattern[:, i, j]) / sd
+            for number, (part, base) in enumerate(((np.real, own), (np.imag, own * w[:, None]))):
+                block = np.zeros((k, 8 * n + 1))
+                first = (4 * i + 2 * j + number) * n
+                block[:, first : first + n] = base / sd[:, None]
+                block[:, -1] = part(pattern[:, i, j]) / sd
                 columns.append(block)
                 target.append(part(H[:, i, j]) / sd)
     A, y = np.vstack(columns), np.concatenate(target)
     norm = np.linalg.norm(A, axis=0)
     solution, covariance = _solved(A / norm, y)
     left = y - A / norm @ solution
-    alone, _ = _solved(A[:, :8] / norm[:8], y)
-    without = y - A[:, :8] / norm[:8] @ alone
+    alone, _ = _solved(A[:, :-1] / norm[:-1], y)
+    without = y - A[:, :-1] / norm[:-1] @ alone
     freedom = np.repeat(noise_dof.reshape(k, 4).T, 2, axis=0).ravel()
     return Imitation(
-        float(solution[8] / norm[8]),
-        float(np.sqrt(covariance[8, 8]) / norm[8]),
+        float(solution[-1] / norm[-1]),
+        float(np.sqrt(covariance[-1, -1]) / norm[-1]),
         float(left @ left),
         float(without @ without),
-        y.size - 9,
-        chi2_limit(y.size, 9, freedom),
+        y.size - A.shape[1],
+        chi2_limit(y.size, A.shape[1], freedom),
     )
 
 
