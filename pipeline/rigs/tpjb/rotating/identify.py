@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-
-import numpy as np
+from dataclasses import dataclass, field
 
 from pipeline.errors import InputError, counted, listing
 from pipeline.findings import Findings, Quality, Run
@@ -18,24 +16,15 @@ from pipeline.rigs.tpjb.rotating.clearance import clearances_of
 from pipeline.rigs.tpjb.rotating.consistency import consistency_of, stiffness_of_load
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.faults import faults_of
-from pipeline.rigs.tpjb.rotating.fit_faults import (
-    faults_of_fit,
-    friction_force,
-    late_forces,
-    rubbing,
-    told_delay,
-    told_friction,
-)
-from pipeline.rigs.tpjb.rotating.group import LoadGroup, fit_group, with_load_models
+from pipeline.rigs.tpjb.rotating.fit_faults import faults_of_fit
+from pipeline.rigs.tpjb.rotating.group import LoadGroup, with_load_models
+from pipeline.rigs.tpjb.rotating.mending import mended
 from pipeline.rigs.tpjb.rotating.orientation import orientation_of, unit_findings
 from pipeline.rigs.tpjb.rotating.parameters import models_of, parameters_of
 from pipeline.rigs.tpjb.rotating.published import published
 from pipeline.rigs.tpjb.rotating.record import record_of
 from pipeline.rigs.tpjb.rotating.turns import Turns, turns_of
 from pipeline.rigs.tpjb.rotating.verdict import ended, judge
-from pipeline.signals.resampling import interpolated
-
-_MENDINGS = 4  # a delay is found in the load's unrest, which it blurs: again after each shift; then friction
 
 
 @dataclass
@@ -124,60 +113,15 @@ def _sort(recordings: Sequence[Recording], settings: RotatingSettings) -> _Sorte
 
 
 def _fitted(at: OperatingPoint, members: list[Turns], settings: RotatingSettings, runs: _Sorted) -> list[LoadGroup]:
-    """Fit one static load; delay of the forces and friction in them are taken off and the fits repeated."""
-    total, sd = 0.0, 0.0
-    friction: dict[str, tuple[float, float]] = {}
+    """Fit one static load, with what stands in its forces beside the film's taken off."""
     try:
-        group = fit_group(at, members, settings)
-        for _ in range(_MENDINGS):
-            late, sd = late_forces(group)
-            rubbed = {} if late else rubbing(group)
-            if not late and not rubbed:
-                break
-            total += late
-            for run, found in rubbed.items():
-                before, _ = friction.get(run, (0.0, 0.0))
-                friction[run] = before + found.friction, found.friction_sd
-            members = [
-                _shifted(turns, late, settings)
-                if late
-                else _without_friction(group, turns, rubbed[turns.run].friction, settings)
-                if turns.run in rubbed
-                else turns
-                for turns in members
-            ]
-            group = fit_group(at, members, settings)
+        group, told = mended(at, members, settings)
     except InputError as error:
         for turns in members:
             runs.leave_out(turns.run, str(error))
         return []
-    if total:
-        runs.quality.append(told_delay(group, total, sd))
-    for turns in group.runs:
-        if turns.run in friction:
-            runs.quality.append(told_friction(turns.run, *friction[turns.run], turns.record.rotation.size))
+    runs.quality += told
     return [group]
-
-
-def _without_friction(group: LoadGroup, turns: Turns, friction: float, settings: RotatingSettings) -> Turns:
-    """Return a run with that much friction (N) taken off its forces."""
-    orbit = turns.record.orbit
-    force = orbit.force - friction_force(group, turns.run, friction)
-    return turns_of(replace(turns.record, orbit=replace(orbit, force=force)), settings)
-
-
-def _shifted(turns: Turns, late: float, settings: RotatingSettings) -> Turns:
-    """Return a run with its forces earlier by `late`, s; samples at the ends that lack a partner are dropped."""
-    orbit = turns.record.orbit
-    force = np.stack([interpolated(orbit.time, row, orbit.time + late, np.inf) for row in orbit.force])
-    inside = np.isfinite(force).all(axis=0)
-    record = replace(
-        turns.record,
-        orbit=replace(orbit, force=force).part(inside),
-        tilt=None if turns.record.tilt is None else turns.record.tilt[:, inside],
-        planes={plane: d[:, inside] for plane, d in turns.record.planes.items()},
-    )
-    return turns_of(record, settings)
 
 
 def _nothing_usable(runs: _Sorted, recordings: Sequence[Recording], context: Context) -> str:

@@ -63,7 +63,7 @@ def judge(
     for group in groups:
         if not refused:
             said.reasons += summary(group, settings)
-            _doubts(said, group)
+            _doubts(said, group, quality)
     if not refused:
         _dynamic_test(said, consistency)
     _left_out(said, left_out)
@@ -134,14 +134,15 @@ def word_of(thd: float, settings: RotatingSettings) -> str:
     return "marginal" if thd <= settings.thd_nonlinear else "nonlinear"
 
 
-def _doubts(said: Judgement, group: LoadGroup) -> None:
+def _doubts(said: Judgement, group: LoadGroup, quality: Sequence[QualityFinding]) -> None:
     fit = group.selected
+    rubs = any(q.message.startswith(f"{group.label}: ") and "friction" in q.message for q in quality)
     if not group.comparison.passes:
         lower = f" The coefficients come from the ratios up to {_highest(group.lower)}." if group.lower else ""
         said.warn(
             f"{group.label}: a quadratic law is not enough up to {_highest(group)}: {fit.name}, the best, leaves "
             f"{1e6 * fit.rms:.2g} um rms, {math.sqrt(fit.chi2_reduced):.2g} times the noise (chi2 per degree of freedom "
-            f"{fit.chi2_reduced:.3g}): cubic content.{lower}"
+            f"{fit.chi2_reduced:.3g}): {'what friction leaves over (see below), or ' if rubs else ''}cubic content.{lower}"
         )
         if group.lower is None:
             said.advise("Lower the load ratio until a quadratic law fits, then add ratios upwards.")
