@@ -167,7 +167,8 @@ def test_what_the_findings_hold_is_declared_and_drawn() -> None:
     assert {
         "stiffness_0",
         "damping_0",
-        "synchronous_0",
+        "synchronous_stiffness_0",
+        "synchronous_damping_0",
         "tones_0",
         "added_mass_0",
         "products",

@@ -108,6 +108,11 @@ DEALT_WITH = {
         "warning",
         "the forces are believed",
     ),
+    "an unknown mode": (
+        lambda: [conditions(logs(1)[0], mode="in_phase2"), logs(1)[1]],
+        "warning",
+        "mode 'in_phase2' is not known. Did you mean 'in_phase'?",
+    ),
     "static load not as stated": (
         lambda: mended(logs(1), "force_static", lambda _, v: 1.05 * v),
         "warning",
@@ -201,3 +206,34 @@ def test_check_says_of_one_log_what_would_keep_it_out() -> None:
     assert "no sound probe along v" in said
     assert "no accelerometer along u" in said
     assert "no list of numbers" in DYNAMIC.check(conditions(good, excitation_tones="many"))[0].message
+
+
+def test_the_reason_names_why_the_acceleration_is_not_known() -> None:
+    findings = found_in(scaled(logs(1), ACC, 1 / 9.80665))
+    assert "in g but read as m/s^2" in findings.reasons[0]
+    assert "in g but read as m/s^2" in findings.one("kxx", **{"synchronous": True}).description
+
+
+def test_a_lag_of_a_bearing_that_bends_with_frequency_is_no_missing_mass() -> None:
+    for delay in (0.0, 50e-6):
+        findings = found_in(logs(1, bearings=["5pad-L3"], delay=delay))
+        assert findings.verdict == "ok"
+        assert "displacement late by" in messages(findings)
+        assert "wrong sign" not in messages(findings)
+        assert all(p.value is not None for p in findings.parameters)
+
+
+def test_a_decisive_lag_is_named_alone_and_a_wrong_mass_alone() -> None:
+    assert "heavier than" not in messages(found_in(logs(1, delay=80e-6)))
+    text = messages(found_in([conditions(r, stator_mass=500.0) for r in logs(1)]))
+    assert "heavier than stated" in text
+    assert "displacement late" not in text
+
+
+def test_the_change_with_frequency_is_computed_with_its_interval() -> None:
+    findings = found_in(logs(1))
+    row = next(p for p in findings.published if "kxx" in p.name)
+    assert isinstance(row.found, float)
+    assert 0 < abs(row.found) < 0.01
+    assert row.agrees
+    assert "95 % interval" in row.remark

@@ -165,3 +165,16 @@ def test_a_trend_too_small_to_be_seen_does_not_leave_the_interval_without_the_tr
             held[slope] += abs(value) < 2.0 * np.hypot(scatter, laws.choice_error(law, fitted))
     assert 0.95 < held[0.0] / 400 < 0.99
     assert held[1.5] / 400 > 0.9
+
+
+def test_sixteen_right_laws_are_hardly_ever_called_rejected_together() -> None:
+    rng = np.random.default_rng(5)
+    r, dof, tests, campaigns = np.linspace(-0.6, 1.6, 8), np.full(8, 18.0), 16, 150
+    alarms = single = 0
+    for _ in range(campaigns):
+        sd = np.sqrt(rng.chisquare(18, (tests, 8)) / 18)
+        drawn = [laws.fit_law(r, rng.standard_normal(8), s, dof, 2) for s in sd]
+        single += any(not law.passes for law in drawn)
+        alarms += any(not laws.among(law, 8, dof, tests).passes for law in drawn)
+    assert alarms <= 6
+    assert alarms < single

@@ -31,7 +31,7 @@ def identify(recordings: Sequence[Recording], settings: DynamicSettings, context
         If no run can be used at all.
     """
     pools, left_out = _pools(recordings, settings)
-    solutions = [solve(one, inertia_of(one.members, context.uses), settings) for one in pools]
+    solutions = [solve(one, inertia_of(one.members, context.uses), settings, len(pools)) for one in pools]
     products = [second_order(one) for one in pools]
     for solution, lines in zip(solutions, products, strict=True):
         _judge_products(solution, lines, settings)

@@ -88,13 +88,14 @@ def acceleration_of(record: Record, displacement: np.ndarray) -> np.ndarray | No
         # All of an axis inverted: whether they or the probes are, the impedance tells.
         sound = sound or [name for name in names if -_STATOR_RATIO[1] < ratios[name] < -_STATOR_RATIO[0]]
         if not names:
-            record.say(
-                "warning",
-                f"no accelerometer along {axis}: the inertia of the stator cannot be taken off the force.",
+            record.no_acceleration = (
+                f"no accelerometer along {axis}: the inertia of the stator cannot be taken off the force."
             )
+            record.say("warning", record.no_acceleration)
             return None
         if not sound:
-            record.say("error", _implausible(axis, ratios) + _stiffness_hint(record, displacement), names[0])
+            record.no_acceleration = _implausible(axis, ratios) + _stiffness_hint(record, displacement)
+            record.say("error", record.no_acceleration, names[0])
             return None
         _say_unsound(record, axis, names, sound, ratios)
         sound = _agreeing(record, sound, ratios)

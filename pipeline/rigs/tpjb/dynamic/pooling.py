@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.errors import InputError, listing
+from pipeline.errors import InputError, listing, nearest
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.tpjb.conditions import mean_of
 from pipeline.rigs.tpjb.dynamic import excitation
@@ -18,6 +18,7 @@ from pipeline.rigs.tpjb.probes import GAPS, probes_of
 
 # Blocks that an excitation must have; share by which the static force may differ from what the run states.
 _LEAST_BLOCKS, _LOAD = 3, 0.02
+_MODES = (excitation.IN_PHASE, excitation.ANTIPHASE, excitation.U_ONLY, excitation.V_ONLY)
 
 
 @dataclass(eq=False)
@@ -175,22 +176,24 @@ def _check_state(record: Record, recording: Recording) -> None:
     if isinstance(stated, float) and measured is not None and abs(measured - stated) > _LOAD * abs(stated):
         text = f"the static force is {measured:.4g} N, the run states a static load of {stated:.4g} N."
         record.say("warning", text, "force_static")
-    text = (
-        str(recording.conditions.get("mode") or "")
-        .strip()
-        .lower()
-        .replace("-", "_")
-        .replace(" ", "_")
-        .replace("inphase", "in_phase")
-    )
-    text = text.replace("anti_phase", excitation.ANTIPHASE).replace("out_of_phase", excitation.ANTIPHASE)
     shown = {kind for kind, used in zip(record.kinds, record.usable, strict=True) if used}
-    if text in (excitation.IN_PHASE, excitation.ANTIPHASE) and shown and text not in shown:
-        readable = {excitation.U_ONLY: "force along u only", excitation.V_ONLY: "force along v only"}
-        seen = listing(readable.get(kind, kind.replace("_", "-")) for kind in sorted(shown))
+    readable = {excitation.U_ONLY: "force along u only", excitation.V_ONLY: "force along v only"}
+    seen = listing(readable.get(kind, kind.replace("_", "-")) for kind in sorted(shown))
+    stated_mode = str(recording.conditions.get("mode") or "").strip()
+    mode = _mode_of(stated_mode)
+    if mode not in ("", *_MODES):
+        text = f"mode '{stated_mode}' is not known.{nearest(mode, _MODES)} Known are {listing(_MODES)}"
+        record.say("warning", f"{text}; the forces show {seen or 'none'} and are believed.")
+    elif mode and shown and mode not in shown:
         record.say(
-            "warning", f"the run states mode {text.replace('_', '-')}, its forces show {seen}; the forces are believed."
+            "warning", f"the run states mode {mode.replace('_', '-')}, its forces show {seen}; the forces are believed."
         )
+
+
+def _mode_of(text: str) -> str:
+    """Return a mode as written in the way this module writes it."""
+    plain = text.lower().replace("-", "_").replace(" ", "_").replace("inphase", "in_phase")
+    return plain.replace("anti_phase", excitation.ANTIPHASE).replace("out_of_phase", excitation.ANTIPHASE)
 
 
 def _unwound(

@@ -42,6 +42,8 @@ class Record:
         Excitation of each block and whether it is used.
     unusable
         Why no block is used; '' where some are.
+    no_acceleration
+        Why the stator's acceleration is not known; '' where it is.
     """
 
     run: str
@@ -58,6 +60,7 @@ class Record:
     dropped: dict[float, str] = field(default_factory=dict)
     quality: list[QualityFinding] = field(default_factory=list)
     unusable: str = ""
+    no_acceleration: str = ""
 
     def say(
         self, level: Level, message: str, channel: str | None = None, span: tuple[float, float] | None = None

@@ -50,7 +50,7 @@ def _of_point(findings: Findings, point: str, number: int) -> list[Figure | Tabl
     tables = {name: table[table["point"] == point] for name, table in findings.arrays.items() if "point" in table}
     blocks: list[Figure | Table | Text] = [_figure(tables, point, letter, number) for letter in "kc"]
     if "synchronous" in tables and len(tables["synchronous"]):
-        blocks.append(_synchronous(tables["synchronous"], number))
+        blocks += [_synchronous(tables["synchronous"], number, letter) for letter in "kc"]
     blocks.append(_tone_table(tables["coefficients"], number))
     if "added_mass" in tables and len(tables["added_mass"]):
         blocks.append(_added_mass(tables["added_mass"], number))
@@ -122,36 +122,28 @@ def _value(row: pd.Series) -> Value:
     return Value(float(row["value"]), float(row["std_error"]), (float(row["low"]), float(row["high"])))
 
 
-def _synchronous(table: pd.DataFrame, number: int) -> Table:
+def _synchronous(table: pd.DataFrame, number: int, letter: str) -> Table:
+    what, unit = _WHAT[letter]
     rows: list[list[Cell]] = []
-    for _, row in table.iterrows():
-        relative = (
-            abs(float(row["std_error"]) / float(row["value"])) if pd.notna(row["value"]) and row["value"] else None
-        )
-        gain, inertia = (None if pd.isna(row[c]) else float(row[c]) for c in ("type_b_gain", "type_b_inertia"))
-        share = None if gain is None or pd.isna(row["value"]) else abs(gain / float(row["value"]))
+    for _, row in table[table["name"].str.startswith(letter)].iterrows():
+        told = pd.notna(row["value"]) and float(row["value"]) != 0.0
+
+        def share(column: str, row: pd.Series = row, told: bool = told) -> float | None:
+            return abs(float(row[column]) / float(row["value"])) if told and pd.notna(row[column]) else None
+
         judged = f"{row['chi2']:.3g}/{int(row['dof'])}" + ("" if row["passes"] else " rejected")
-        unit = "N/m" if row["name"][0] == "k" else "N s/m"
-        by_inertia = (
-            None if inertia is None or not row["value"] or pd.isna(row["value"]) else abs(inertia / float(row["value"]))
-        )
-        rows.append(
-            [str(row["name"]), _reading(row, unit), unit, relative, share, by_inertia, int(row["degree"]), judged]
-        )
-    stiffness = table.set_index("name")["value"].astype(float)
-    told = [axes for axes in ("xx", "yy") if np.isfinite(stiffness["k" + axes])]
-    late = ", ".join(f"c{axes} by {1e-6 * stiffness['k' + axes]:.3g} N s/m" for axes in told)
-    lag = f" Each microsecond that the displacement comes late would raise {late}." if told else ""
+        shares = [share(column) for column in ("std_error", "type_b_gain", "type_b_inertia")]
+        rows.append([str(row["name"]), _value(row), *shares, int(row["degree"]), judged])
+    lag = _lag(table) if letter == "c" else ""
     return Table(
-        f"synchronous_{number}",
-        "Synchronous coefficients",
+        f"synchronous_{what}_{number}",
+        f"Synchronous {what}",
         "Interpolated to the shaft's frequency. Type A is the scatter of the blocks; type B by gains scales all coefficients alike "
         "and is not in the interval; type B by inertia is what the error of the stator's mass and stiffness does."
         f"{lag}",
         [
             Column("coefficient"),
-            Column("value with 95 % interval"),
-            Column("unit"),
+            Column("value", unit),
             Column("type A", "%"),
             Column("type B, gains", "%"),
             Column("type B, inertia", "%"),
@@ -162,13 +154,11 @@ def _synchronous(table: pd.DataFrame, number: int) -> Table:
     )
 
 
-def _reading(row: pd.Series, unit: str) -> str:
-    if pd.isna(row["value"]):
-        return "not told"
-    scale, prefix = (1e-6, "M") if unit == "N/m" else (1e-3, "k")
-    value, half = float(row["value"]) * scale, (float(row["high"]) - float(row["low"])) / 2 * scale
-    digits = max(0, 1 - int(np.floor(np.log10(half)))) if half > 0 else 3
-    return f"{value:.{digits}f} ± {half:.{digits}f} {prefix}{unit}"
+def _lag(table: pd.DataFrame) -> str:
+    stiffness = table.set_index("name")["value"].astype(float)
+    told = [axes for axes in ("xx", "yy") if np.isfinite(stiffness["k" + axes])]
+    late = ", ".join(f"c{axes} by {1e-6 * stiffness['k' + axes]:.3g} N s/m" for axes in told)
+    return f" Each microsecond that the displacement comes late would raise {late}." if told else ""
 
 
 def _tone_table(table: pd.DataFrame, number: int) -> Table:

@@ -45,6 +45,8 @@ class Solution:
     ----------
     tones
         Those that are used, Hz, shape (k,).
+    points
+        Operating points of the campaign, each with as many coefficients that chi-square judges.
     result
         None where nothing could be told.
     fatal
@@ -56,6 +58,7 @@ class Solution:
     pool: Pool
     inertia: Inertia
     tones: np.ndarray
+    points: int = 1
     result: impedance.Impedance | None = None
     snr: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     coefficients: dict[str, Coefficient] = field(default_factory=dict)
@@ -85,9 +88,9 @@ def sentence(reason: str) -> str:
     return reason if reason.endswith((".", "?")) else f"{reason}."
 
 
-def solve(pool: Pool, inertia: Inertia, settings: DynamicSettings) -> Solution:
-    """Solve one operating point."""
-    solution = Solution(pool, inertia, pool.tones)
+def solve(pool: Pool, inertia: Inertia, settings: DynamicSettings, points: int = 1) -> Solution:
+    """Solve one operating point of `points`."""
+    solution = Solution(pool, inertia, pool.tones, points)
     solution.quality += inertia.findings
     for step in (_check_inputs, _keep_good_tones, _check_signs, _check_trends, _fit_laws):
         step(solution, settings)
@@ -103,7 +106,8 @@ def _check_inputs(solution: Solution, _settings: DynamicSettings) -> None:
     elif solution.inertia.mass is None:
         solution.fatal = solution.inertia.source
     elif solution.pool.acceleration is None:
-        solution.fatal = "the stator's acceleration is not known, so that its inertia cannot be taken off the force"
+        causes = dict.fromkeys(record.no_acceleration for record in solution.pool.records if record.no_acceleration)
+        solution.fatal = next(iter(causes), "the stator's acceleration is not known")
 
 
 def _estimate(solution: Solution, keep: np.ndarray, settings: DynamicSettings) -> impedance.Impedance:
@@ -305,11 +309,14 @@ def _fit_laws(solution: Solution, _settings: DynamicSettings) -> None:
             "there are no synchronous values, they would be extrapolated.",
         )
     r = solution.tones / shaft - 1
+    tests = len(NAMES) * solution.points
     rejected = []
     for entry in solution.coefficients.values():
         entry.laws = [
             laws.fit_law(r, entry.value, entry.std_error, entry.dof, degree) for degree in range(min(3, r.size))
         ]
+        if entry.laws[-1].dof > 0:
+            entry.laws[-1] = laws.among(entry.laws[-1], r.size, entry.dof, tests)
         entry.law = laws.choose(entry.laws)
         if entry.law is None:
             entry.law = entry.laws[-1]
@@ -318,6 +325,6 @@ def _fit_laws(solution: Solution, _settings: DynamicSettings) -> None:
     if rejected:
         solution.say(
             "warning",
-            f"{listing(rejected)}: even a parabola in frequency is rejected (chi-square beyond its 99 % point); errors of the "
-            "synchronous value are widened to the scatter about it.",
+            f"{listing(rejected)}: even a parabola in frequency is rejected (chi-square beyond its 99 % point for all "
+            f"{tests} coefficients together); errors of the synchronous value are widened to the scatter about it.",
         )
