@@ -146,6 +146,13 @@ def test_stuck_clipped_wild_and_missing_samples_are_left_out(a6):
         assert findings.one("thd").value == pytest.approx(0.0598, abs=0.002)
 
 
+def test_flat_tops_are_left_out_whole_and_rounded_values_are_not_taken_for_them(a6):
+    clipped = found([changed(a6, gap_up1=lambda x: np.minimum(x, np.quantile(x, 0.93)))])
+    assert said(clipped, "49 samples (7 %), all of which")
+    rounded = found([changed(a6, **{gap: lambda x: np.round(x, 7) for gap in GAPS})])
+    assert not said(rounded, "clipped")
+
+
 def test_a_load_that_is_not_circular_is_said(a6):
     # Told from the forces alone; the fit uses them as they are.
     log = changed(a6, force_v=lambda f: 0.85 * f)

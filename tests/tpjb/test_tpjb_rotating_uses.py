@@ -81,3 +81,13 @@ def test_bump_findings_of_another_bearing_are_not_used():
     other = bump()
     other.runs = [Run(run="x", conditions={"bearing": "5pad"})]
     assert clearances_of({"b": other}, logs("A6")) == {}
+
+
+def test_findings_of_another_bearing_or_load_are_named_and_make_no_published_row():
+    other = dynamic()
+    other.runs = [Run(run="x", conditions={"bearing": "5pad"})]
+    findings = identify(logs("A6"), RotatingSettings(), Context("t", {"d": other}))
+    assert any("'d' (tpjb.dynamic) are not used: it is of bearing 5pad" in q.message for q in findings.quality)
+    assert not any("frequency of excitation" in row.name for row in findings.published)
+    findings = identify(logs("A4"), RotatingSettings(), Context("t", {"d": dynamic()}))
+    assert any("measured at 80 kN and 104.7 rad/s, these at 40 kN" in q.message for q in findings.quality)

@@ -18,6 +18,7 @@ from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.faults import faults_of
 from pipeline.rigs.tpjb.rotating.fit_faults import faults_of_fit
 from pipeline.rigs.tpjb.rotating.group import LoadGroup, with_load_models
+from pipeline.rigs.tpjb.rotating.handed_over import fitting
 from pipeline.rigs.tpjb.rotating.mending import mended
 from pipeline.rigs.tpjb.rotating.orientation import orientation_of, unit_findings
 from pipeline.rigs.tpjb.rotating.parameters import models_of, parameters_of
@@ -62,13 +63,15 @@ def identify(recordings: Sequence[Recording], settings: RotatingSettings, contex
         groups += _fitted(at, [runs.turns[r.run] for r in members], settings, runs)
     if not groups:
         raise InputError(_nothing_usable(runs, recordings, context))
-    stiffness = stiffness_of_load(groups, context.uses)
+    uses, notes = fitting(groups, context.uses)
+    runs.quality += notes
+    stiffness = stiffness_of_load(groups, uses)
     groups = [with_load_models(g, stiffness[g.bearing][0]) if g.bearing in stiffness else g for g in groups]
     if not refused:
         for group in groups:
             runs.quality += faults_of_fit(group)
-    consistency = consistency_of(groups, context.uses, stiffness)
-    clearances = clearances_of(context.uses, recordings)
+    consistency = consistency_of(groups, uses, stiffness)
+    clearances = clearances_of(uses, recordings)
     main = max(groups, key=lambda group: (group.highest.record.ratio or 0.0, group.highest.record.rotation.size))
     judgement = judge(groups, consistency, runs.left_out, runs.quality, refused, settings)
     used = {turns.run for group in groups for turns in group.runs}
@@ -80,7 +83,7 @@ def identify(recordings: Sequence[Recording], settings: RotatingSettings, contex
         advice=judgement.advice,
         parameters=parameters_of(groups, [turns for group in groups for turns in group.runs], refused),
         models=models_of(groups, None if refused else main),
-        published=published(groups, context.uses, refused),
+        published=published(groups, uses, refused),
         quality=[
             Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in runs.quality
         ],

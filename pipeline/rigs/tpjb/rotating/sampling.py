@@ -22,6 +22,8 @@ _A_TURN = 100
 _COARSE = 4000
 # A value that stands still for this share of a turn at full force is stuck: the vector turns by 30 deg.
 _STUCK = 1.0 / 12.0
+# Levels beside an end of the range that show how often a value is met there.
+_BESIDE = 20
 # Streams of more than twice as many samples are averaged while they are read.
 _MANY = 100_000
 
@@ -55,6 +57,7 @@ def sampled(recording: Recording, names: Sequence[str], average: float | None) -
     turns = _turns(recording, columns)
     for name in names:
         if name.startswith(("gap_", "force_u", "force_v")):
+            columns[name] = _without_flat_tops(recording.run, name, *columns[name], findings)
             columns[name] = _without_stuck(recording.run, name, *columns[name], turns, findings)
             columns[name], left = _without_wild(*columns[name])
             if left.size:
@@ -171,6 +174,29 @@ def _means(
         mean[number < 0.5 * expected] = np.nan
         values[name] = mean
     return 0.5 * (edges[1:] + edges[:-1]), values
+
+
+def _without_flat_tops(
+    run: str, name: str, time: np.ndarray, values: np.ndarray, findings: list[QualityFinding]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Blank all samples at an end of the range that is met far more often than the values beside it: clipped."""
+    levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+    if levels.size < 3 * _BESIDE:
+        return time, values
+    flat = np.zeros(values.size, dtype=bool)
+    for end, beside in ((0, slice(1, 1 + _BESIDE)), (-1, slice(-1 - _BESIDE, -1))):
+        usual = max(float(np.median(counts[beside])), float(counts[beside].mean()))
+        if counts[end] > 4 and counts[end] > 12 * (usual - 1) + 4:
+            flat |= values == levels[end]
+    if not flat.any():
+        return time, values
+    stamps = time[flat]
+    text = (
+        f"{name} stands still at the end of its range: it is clipped, {counted(int(flat.sum()), 'sample')} "
+        f"({100 * flat.mean():.2g} %), all of which are left out."
+    )
+    findings.append(QualityFinding("warning", text, run, name, (float(stamps[0]), float(stamps[-1]))))
+    return time, np.where(flat, np.nan, values)
 
 
 def _without_stuck(
