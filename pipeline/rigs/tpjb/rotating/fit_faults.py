@@ -9,36 +9,22 @@ import numpy as np
 
 from pipeline.errors import listing
 from pipeline.recording import QualityFinding
+from pipeline.rigs.tpjb.rotating.drift import drift_of
 from pipeline.rigs.tpjb.rotating.group import LoadGroup
 from pipeline.rigs.tpjb.rotating.linear_limit import MARGINAL
 from pipeline.rigs.tpjb.rotating.noise import alias_line
 from pipeline.rigs.tpjb.rotating.turns import Turns
 
-_DRIFT = 0.05
 # Runout of a shaft, m, beyond which a line at its alias cannot be what averaging left of it.
 _MOST_RUNOUT = 60e-6
 
 
 def faults_of_fit(group: LoadGroup) -> list[QualityFinding]:
     """Return what the fits of a group show of its runs."""
-    found = [*group.findings, *_drift(group), *_shaft_line(group)]
+    found = [*group.findings, *drift_of(group), *_shaft_line(group)]
     for turns in group.runs:
         found += _load_harmonics(group, turns)
     return found
-
-
-def _drift(group: LoadGroup) -> list[QualityFinding]:
-    """Say where the mean position drifts; what the fit takes along is a note."""
-    spreads = {turns.run: float(np.hypot(*np.ptp(group.drift(turns.run), axis=1))) for turns in group.runs}
-    shares = {turns.run: spreads[turns.run] / max(turns.amplitude, 1e-12) for turns in group.runs}
-    drifting = [run for run, share in shares.items() if share > _DRIFT]
-    if not drifting:
-        return []
-    told = listing(
-        (f"{run} ({1e6 * spreads[run]:.2g} um, {100 * shares[run]:.2g} % of the orbit)" for run in drifting), 8
-    )
-    text = f"the mean position drifts in {told}; a drift of second degree is fitted along."
-    return [QualityFinding("note", text, drifting[0] if len(drifting) == 1 else None)]
 
 
 def _shaft_line(group: LoadGroup) -> list[QualityFinding]:
