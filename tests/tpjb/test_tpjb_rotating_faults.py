@@ -153,6 +153,30 @@ def test_flat_tops_are_left_out_whole_and_rounded_values_are_not_taken_for_them(
     assert not said(rounded, "clipped")
 
 
+@pytest.mark.parametrize(
+    ("moved", "text"),
+    [
+        (lambda t: 2e-6 * (t > 330), "a step of 2 um at 33"),
+        (lambda t: 6e-6 * (1 - np.exp(-t / 60)), "an exponential drift of"),
+    ],
+    ids=["step", "exponential"],
+)
+def test_a_drift_that_is_no_parabola_is_named_with_its_time(a6, moved, text):
+    t = a6.streams["lf"].time
+    drift = {gap: lambda x, s=1 if gap[5] == "p" else -1: x + s * moved(t) for gap in GAPS if gap[4] == "v"}
+    findings = found([changed(a6, **drift)])
+    assert said(findings, text)
+    assert findings.verdict == "warning"
+
+
+def test_runs_of_two_states_under_one_label_are_told_apart():
+    other = without(logs("A6")[0], static_load=40e3)
+    findings = found([*logs("A5"), replace(other, run="mixed")])
+    assert any("do not belong to one state" in reason for reason in findings.reasons)
+    assert not any("cubic" in reason for reason in findings.reasons)
+    assert findings.one("kxx").value is None
+
+
 def test_a_load_that_is_not_circular_is_said(a6):
     # Told from the forces alone; the fit uses them as they are.
     log = changed(a6, force_v=lambda f: 0.85 * f)

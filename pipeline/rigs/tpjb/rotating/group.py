@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,12 +17,14 @@ from pipeline.rigs.tpjb.rotating.linear_limit import Distortion, Limit, linear_l
 from pipeline.rigs.tpjb.rotating.load_dependence import StiffnessOfLoad
 from pipeline.rigs.tpjb.rotating.load_models import fit_load_models
 from pipeline.rigs.tpjb.rotating.model_fit import LawFit, ModelFit, fit_model
-from pipeline.rigs.tpjb.rotating.models import M2, MODELS
+from pipeline.rigs.tpjb.rotating.models import M2, M6, MODELS
 from pipeline.rigs.tpjb.rotating.noise import orbit_noise
 from pipeline.rigs.tpjb.rotating.selection import Comparison, fit_models, leave_one_turn_out
 from pipeline.rigs.tpjb.rotating.turns import Turns
 
 _AROUND = 240
+# Share by which the stiffness of two runs differs beyond which no law that both share is looked for.
+_OTHER_STATE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +53,8 @@ class LoadGroup:
         Load-dependent forms, where the stiffness at several loads is known.
     lower
         The same static load without its largest ratios, where a law holds for those left and for all does not.
+    apart
+        Why the runs do not belong to one state of the bearing; empty where they may.
     """
 
     at: OperatingPoint
@@ -62,6 +67,7 @@ class LoadGroup:
     prediction: float | None
     dependent: tuple[LawFit, ...] = ()
     lower: LoadGroup | None = None
+    apart: str = ""
     findings: tuple[QualityFinding, ...] = field(default_factory=tuple)
 
     @property
@@ -127,11 +133,32 @@ def fit_group(at: OperatingPoint, runs: Sequence[Turns], settings: RotatingSetti
     group = _fit(at, ordered, settings)
     if group.comparison.passes:
         return group
+    apart = _apart(group)
+    if apart:
+        return replace(group, apart=apart, distortions={})
     for count in range(len(ordered) - 1, 0, -1):
         lower = _fit(at, ordered[:count], settings)
         if lower.comparison.passes:
             return _with_distortions(replace(group, lower=lower), lower.selected.K)
     return group
+
+
+def _apart(group: LoadGroup) -> str:
+    """Say which two runs differ in their stiffness at the equilibrium, each fitted alone; empty where none do."""
+    alone = [
+        fit_model([turns.record.orbit], M6, [noise])
+        for turns, noise in zip(group.runs, group.selected.noises, strict=True)
+    ]
+    for j, name in ((0, "kxx"), (3, "kyy")):
+        own = [(float(fit.p[j]), turns.run) for fit, turns in zip(alone, group.runs, strict=True)]
+        (least, soft), (most, stiff) = min(own), max(own)
+        sd = max(math.sqrt(max(float(fit.p_covariance[j, j]), 0.0)) for fit in alone)
+        if most - least > max(_OTHER_STATE * abs(most), 5.0 * sd):
+            return (
+                f"the runs do not belong to one state: each fitted alone, {name} at the equilibrium is {least / 1e6:.4g} MN/m in "
+                f"{soft} and {most / 1e6:.4g} MN/m in {stiff}; another static load, speed, temperature or bearing than labelled?"
+            )
+    return ""
 
 
 def with_load_models(group: LoadGroup, stiffness: StiffnessOfLoad) -> LoadGroup:

@@ -115,7 +115,8 @@ def model_distortion(p: np.ndarray, size: np.ndarray | float) -> tuple[np.ndarra
     Z = np.fft.fft(d[0] + 1j * d[1], axis=-1) / _SAMPLES
     first = np.abs(Z[..., 1]) ** 2 + np.abs(Z[..., -1]) ** 2
     higher = (np.abs(Z[..., 2 : ORDERS + 1]) ** 2).sum(axis=-1) + (np.abs(Z[..., -ORDERS:-1]) ** 2).sum(axis=-1)
-    return np.asarray(np.sqrt(higher / first)), np.asarray(np.sqrt(first))
+    with np.errstate(invalid="ignore", divide="ignore"):  # an orbit of no size has no distortion
+        return np.asarray(np.sqrt(higher / first)), np.asarray(np.sqrt(first))
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ def _coefficients(group: LoadGroup, refused: str) -> list[Parameter]:
                 for c in fit.combinations
                 if name in c.members
             ]
-        elif not refused and estimates[name].determined:
+        elif not refused and not group.apart and estimates[name].determined:
             told.append(f"{fit.name} fits this ratio best with {estimates[name].value:.4g} {_SPECS[name].unit}.")
         description = " ".join(part for part in told if part)
         method = f"{_FIT}, {counted(len(trusted.runs), 'run')}"
@@ -103,6 +103,8 @@ def _coefficients(group: LoadGroup, refused: str) -> list[Parameter]:
 
 
 def _no_law(group: LoadGroup) -> str:
+    if group.apart:
+        return group.apart
     return (
         f"no quadratic law holds (chi2 per degree of freedom {group.selected.chi2_reduced:.3g}): a coefficient would depend "
         "on the load ratio"

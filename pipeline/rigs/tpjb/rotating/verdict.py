@@ -94,7 +94,7 @@ def summary(group: LoadGroup, settings: RotatingSettings) -> list[str]:
     if trusted is not None:
         parts.append(_law(trusted))
     lines = [f"{group.label}: {'; '.join(parts)}."] if parts else []
-    if highest.motion is not None and not group.selected.model.is_linear:
+    if highest.motion is not None and not group.selected.model.is_linear and not group.apart:
         lines.append(f"{group.label}: {_second_order(group, at)}")
     return lines
 
@@ -137,6 +137,10 @@ def word_of(thd: float, settings: RotatingSettings) -> str:
 def _doubts(said: Judgement, group: LoadGroup, quality: Sequence[QualityFinding]) -> None:
     fit = group.selected
     rubs = any(q.message.startswith(f"{group.label}: ") and "friction" in q.message for q in quality)
+    if group.apart:
+        said.warn(f"{group.label}: {group.apart} No coefficient is given.")
+        said.advise("Give each run the static load, speed and bearing that it was measured at.")
+        return
     if not group.comparison.passes:
         lower = f" The coefficients come from the ratios up to {_highest(group.lower)}." if group.lower else ""
         said.warn(
