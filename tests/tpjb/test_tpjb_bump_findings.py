@@ -362,5 +362,11 @@ def test_unknown_truth_names_the_nearest() -> None:
 
 def test_check_says_what_would_make_a_log_useless() -> None:
     assert BUMP.check(synthesize({}, 1)[0]) == ()
-    found = BUMP.check(_against(synthesize({}, 1)[0]))
-    assert [f.level for f in found] == ["error"]
+    with pytest.raises(InputError, match="goes against the force"):
+        BUMP.check(_against(synthesize({}, 1)[0]))
+
+
+def test_check_says_that_the_orbit_has_other_pads_than_stated() -> None:
+    log = synthesize({}, 1)[0]
+    five = replace(log, conditions={**log.conditions, "n_pads": 5.0, "pad_angles": ""})
+    assert any("n_pads is 5 but the orbit has 4 sides" in finding.message for finding in BUMP.check(five))

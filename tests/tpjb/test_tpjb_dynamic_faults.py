@@ -200,12 +200,14 @@ def test_check_says_of_one_log_what_would_keep_it_out() -> None:
 
     good = logs(1)[0]
     assert DYNAMIC.check(good) == []
-    said = " ".join(q.message for q in DYNAMIC.check(logs(1, duration=2.0)[0]))
-    assert "Log longer" in said
-    said = " ".join(q.message for q in DYNAMIC.check(without(good, *(g for g in GAP if g[4] == "v"), *ACC)))
-    assert "no sound probe along v" in said
-    assert "no accelerometer along u" in said
-    assert "no list of numbers" in DYNAMIC.check(conditions(good, excitation_tones="many"))[0].message
+    with pytest.raises(InputError, match="Log longer"):
+        DYNAMIC.check(logs(1, duration=2.0)[0])
+    with pytest.raises(InputError, match=r"no sound probe along v.* no accelerometer along u"):
+        DYNAMIC.check(without(good, *(g for g in GAP if g[4] == "v"), *ACC))
+    with pytest.raises(InputError, match="no list of numbers"):
+        DYNAMIC.check(conditions(good, excitation_tones="many"))
+    with pytest.raises(InputError, match="not of the dynamic test"):
+        DYNAMIC.check(conditions(good, test="bump"))
 
 
 def test_the_reason_names_why_the_acceleration_is_not_known() -> None:
@@ -237,3 +239,26 @@ def test_the_change_with_frequency_is_computed_with_its_interval() -> None:
     assert 0 < abs(row.found) < 0.01
     assert row.agrees
     assert "95 % interval" in row.remark
+
+
+SAID_BY_CHECK = {
+    "no acceleration": (lambda r: without(r, *ACC), "error", "no accelerometer along u"),
+    "no mass": (lambda r: conditions(r, stator_mass=None), "error", "'stator_mass' is not given"),
+    "acceleration in g": (lambda r: scaled([r], ACC, 1 / 9.80665)[0], "error", "in g but read as m/s^2"),
+    "acceleration inverted": (lambda r: scaled([r], ACC, -1.0)[0], "error", "of the wrong sign"),
+    "forces inverted": (lambda r: scaled([r], ("force_u", "force_v"), -1.0)[0], "error", "goes against the force"),
+    "forces in kN": (lambda r: scaled([r], ("force_u", "force_v"), 1e-3)[0], "error", "unit of a force"),
+    "v actuator off": (lambda r: scaled([r], ("force_v",), 1e-3)[0], "warning", "force along u only"),
+    "inverted probe": (lambda r: changed(r, "gap_vp2", lambda _, v: 2e-3 - v), "warning", "its sign is inverted"),
+    "clipped force": (lambda r: changed(r, "force_u", cut(0.97)), "error", "is clipped"),
+    "an unknown mode": (lambda r: conditions(r, mode="antifase"), "warning", "'antifase' is not known"),
+}
+
+
+@pytest.mark.parametrize("fault", SAID_BY_CHECK)
+def test_check_says_what_identify_says(fault: str) -> None:
+    from pipeline.rigs.tpjb.dynamic.declaration import DYNAMIC
+
+    spoil, level, words = SAID_BY_CHECK[fault]
+    found = DYNAMIC.check(spoil(logs(1)[0]))
+    assert any(q.level == level and words in q.message for q in found), found

@@ -48,6 +48,8 @@ class BearingFit:
         Sides, from 0, that were never touched.
     contact
         None where it could not be fitted; `reason` says why.
+    contradiction
+        Says where the orbit shows another number of pads than stated.
     """
 
     records: tuple[Record, ...]
@@ -59,6 +61,7 @@ class BearingFit:
     absent: tuple[int, ...]
     contact: ContactFit | None
     reason: str = ""
+    contradiction: str = ""
 
     @property
     def n_pads(self) -> int:
@@ -70,14 +73,31 @@ class BearingFit:
         """The polygons of the largest force, by plane."""
         return {plane: by_level[max(by_level)] for plane, by_level in self.polygons.items()}
 
+
+@dataclass(frozen=True, eq=False)
+class Pads:
+    """Blocks of the logs of one bearing and how many pads their orbit shows; `near` is what lies at a side, m."""
+
+    blocks: Blocks
+    near: float
+    stated: int | None
+    count: Count
+    angles: np.ndarray
+
     @property
-    def contradicted(self) -> bool:
-        """Tell whether the orbit shows another number of pads than stated."""
-        return self.stated is not None and self.stated != self.n_pads
+    def contradiction(self) -> str:
+        """Say where the orbit shows another number of pads than stated; '' where it does not."""
+        if self.stated in (None, self.angles.size):
+            return ""
+        shown = ", ".join(f"{n}: {1e6 * misfit:.3g} um" for n, misfit in self.count.misfits.items())
+        return (
+            f"n_pads is {self.stated} but the orbit has {self.angles.size} sides (rms distance from a polygon of so many sides: "
+            f"{shown}); {self.angles.size} is used."
+        )
 
 
-def fit_bearing(records: Sequence[Record], settings: BumpSettings) -> BearingFit:
-    """Fit all logs of one bearing.
+def pads_of(records: Sequence[Record], settings: BumpSettings) -> Pads:
+    """Gather the logs of one bearing and count its pads.
 
     Raises
     ------
@@ -99,7 +119,13 @@ def fit_bearing(records: Sequence[Record], settings: BumpSettings) -> BearingFit
     orbit = _top_orbit(blocks)
     stated = _stated(records, settings)
     count = count_pads(orbit, sorted({*CANDIDATES, *([stated] if stated else [])}), near)
-    angles = _pad_angles(records, stated, count, orbit)
+    return Pads(blocks, near, stated, count, _pad_angles(records, stated, count, orbit))
+
+
+def fit_bearing(records: Sequence[Record], settings: BumpSettings) -> BearingFit:
+    """Fit all logs of one bearing; raises as `pads_of`."""
+    pads = pads_of(records, settings)
+    blocks, angles, near = pads.blocks, pads.angles, pads.near
     levels = range(len(blocks.levels))
     polygons = {
         plane: {k: fit_polygon(d[blocks.level == k], angles, near) for k in levels}
@@ -107,7 +133,9 @@ def fit_bearing(records: Sequence[Record], settings: BumpSettings) -> BearingFit
     }
     absent = _absent({plane: by_level[max(by_level)] for plane, by_level in polygons.items()})
     contact, absent, reason = _contact(blocks, polygons, absent)
-    return BearingFit(tuple(records), angles, stated, count, blocks, polygons, absent, contact, reason)
+    return BearingFit(
+        tuple(records), angles, pads.stated, pads.count, blocks, polygons, absent, contact, reason, pads.contradiction
+    )
 
 
 def _top_orbit(blocks: Blocks) -> np.ndarray:

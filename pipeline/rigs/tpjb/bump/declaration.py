@@ -78,6 +78,6 @@ BUMP = Experiment(
     synthesize=Later("pipeline.rigs.tpjb.bump.synthetic:synthesize"),
     sections=Later("pipeline.rigs.tpjb.bump.sections:sections"),
     methods=Later("pipeline.rigs.tpjb.bump.methods:methods"),
-    check=Later("pipeline.rigs.tpjb.bump.record:check"),
+    check=Later("pipeline.rigs.tpjb.bump.check:check"),
     operating=OPERATING,
 )

@@ -95,12 +95,8 @@ def _rig(fit: BearingFit, judgement: Judgement) -> None:
 
 def _pads(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> None:
     shown = ", ".join(f"{n}: {1e6 * misfit:.3g} um" for n, misfit in fit.count.misfits.items())
-    if fit.contradicted:
-        judgement.doubt(
-            f"n_pads is {fit.stated} but the orbit has {fit.n_pads} sides (rms distance from a polygon of so many sides: "
-            f"{shown}); {fit.n_pads} is used.",
-            "Mend n_pads and pad_angles.",
-        )
+    if fit.contradiction:
+        judgement.doubt(fit.contradiction, "Mend n_pads and pad_angles.")
     elif fit.stated is None:
         judgement.note(
             f"n_pads is not given: the orbit shows {fit.n_pads} sides (rms distance by number of sides: {shown})."

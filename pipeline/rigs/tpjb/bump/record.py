@@ -89,15 +89,6 @@ def record_of(recording: Recording) -> Record:
     return Record(recording, samples, probes, rotation, (*findings, *probes.findings))
 
 
-def check(recording: Recording) -> Sequence[QualityFinding]:
-    """Look for probes that lie, axes that contradict the force and a force that does not turn."""
-    try:
-        record = record_of(recording)
-    except (UnusableError, InputError) as error:
-        return (QualityFinding("error", f"no bump test can be identified from this log: {error}"),)
-    return tuple(f for f in record.findings if f.level != "note")
-
-
 def _signals(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]:
     """Return time (n,), gaps (k, n), forces along u and v (2, n) on the time of the forces, and the gaps' names.
 

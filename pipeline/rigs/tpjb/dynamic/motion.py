@@ -115,6 +115,17 @@ def _ratio(acceleration: np.ndarray, rough: np.ndarray) -> float:
     return float((rough.conj() * acceleration).sum().real / power) if power > 0 else 0.0
 
 
+def opposed(acceleration: np.ndarray, rough: np.ndarray) -> str:
+    """Return why the acceleration cannot be the stator's: it goes against `rough`, -w^2 d; '' where it does not."""
+    share = _ratio(acceleration, rough)
+    if share >= 0:
+        return ""
+    return (
+        f"the acceleration is {share:.2g} times -w^2 d, against the displacement, which follows the force: the acceleration is of the "
+        "wrong sign (or forces and gaps both are)"
+    )
+
+
 def _implausible(axis: str, ratios: dict[str, float]) -> str:
     ratio = next(iter(ratios.values()))
     hint = ""

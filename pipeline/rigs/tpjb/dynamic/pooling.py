@@ -121,7 +121,7 @@ def pool(at: dict[str, float | str | bool], members: Sequence[Recording], orders
         dropped=dropped,
     )
     for recording, record in records:
-        _check_state(record, recording)
+        check_state(record, recording)
     found.missing = _missing_direction(found.records)
     clipped = " ".join(record.unusable for record in found.records if record.unusable)
     if found.missing and clipped:
@@ -169,7 +169,7 @@ def _common_tones(records: Sequence[Record]) -> tuple[np.ndarray, list[np.ndarra
     return first[common], [index[common] for index in near], dropped
 
 
-def _check_state(record: Record, recording: Recording) -> None:
+def check_state(record: Record, recording: Recording) -> None:
     """Say it where forces show another excitation or static load than the run states."""
     stated = recording.conditions.get("static_load")
     measured = mean_of(recording, "force_static")
@@ -185,9 +185,10 @@ def _check_state(record: Record, recording: Recording) -> None:
         text = f"mode '{stated_mode}' is not known.{nearest(mode, _MODES)} Known are {listing(_MODES)}"
         record.say("warning", f"{text}; the forces show {seen or 'none'} and are believed.")
     elif mode and shown and mode not in shown:
-        record.say(
-            "warning", f"the run states mode {mode.replace('_', '-')}, its forces show {seen}; the forces are believed."
-        )
+        off = {excitation.U_ONLY: "v", excitation.V_ONLY: "u"}
+        hint = next((f" Is the actuator along {off[kind]} off?" for kind in shown if kind in off), "")
+        text = f"the run states mode {mode.replace('_', '-')}, its forces show {seen}; the forces are believed.{hint}"
+        record.say("warning", text)
 
 
 def _mode_of(text: str) -> str:

@@ -14,7 +14,7 @@ from pipeline.rigs.tpjb.dynamic import impedance, laws
 from pipeline.rigs.tpjb.dynamic.declaration import DynamicSettings
 from pipeline.rigs.tpjb.dynamic.inertia import Inertia
 from pipeline.rigs.tpjb.dynamic.laws import Law
-from pipeline.rigs.tpjb.dynamic.motion import PLAUSIBLE
+from pipeline.rigs.tpjb.dynamic.motion import PLAUSIBLE, opposed
 from pipeline.rigs.tpjb.dynamic.pooling import Pool
 
 ENTRIES = tuple(product(range(2), range(2)))
@@ -213,7 +213,7 @@ def _check_trends(solution: Solution, settings: DynamicSettings) -> None:
     pattern = {"lag": 1j * w[:, None, None] * found.H, "mass": impedance.inertia_sensitivity(A, found)}
     solution.lag = laws.imitation(w, found.H, found.std_error, found.dof, pattern["lag"])
     solution.untaken = laws.imitation(w, found.H, found.std_error, found.dof, pattern["mass"])
-    if reason := _against_displacement(A, found, w):
+    if reason := opposed(A, -(w**2)[:, None, None] * found.displacement):
         solution.fatal = reason
         return
     late, extra = solution.lag, solution.untaken
@@ -255,20 +255,6 @@ def _as_lag(late: laws.Imitation, found: impedance.Impedance) -> str:
 
 def _as_mass(extra: laws.Imitation) -> str:
     return f"a stator {abs(extra.value):.3g} kg {'heavier' if extra.value > 0 else 'lighter'} than stated"
-
-
-def _against_displacement(A: np.ndarray, found: impedance.Impedance, w: np.ndarray) -> str:
-    """Return why the acceleration cannot be the stator's: it goes against the displacement; '' where it does not."""
-    rough = -(w**2)[:, None, None] * found.displacement
-    share = float((rough.conj() * A).sum().real / (np.abs(rough) ** 2).sum())
-    return (
-        ""
-        if share > 0
-        else (
-            f"the acceleration is {share:.2g} times -w^2 d, against the displacement, which follows the force: the acceleration is of the "
-            "wrong sign (or forces and gaps both are)"
-        )
-    )
 
 
 def _own_law(solution: Solution, settings: DynamicSettings, pattern: dict[str, np.ndarray]) -> None:
