@@ -227,7 +227,12 @@ def test_conservative_check_weighs_differences_by_their_error():
     found = {r.name: r for r in conservative(fit_model(orbits("B3", seed=1), M6))}
     assert abs(found["kxxy = 2 kyx2"].z) < 3.5  # 8.7e12 = 2 x 4.35e12
     assert abs(found["kyxy = 2 kxy2"].z) > 10  # 0 against -2e12
-    assert found["kxy = kyx"].difference == pytest.approx(0.07e9, rel=0.05)
+    own = found["kxy = kyx"]
+    assert own.difference == pytest.approx(0.07e9, rel=0.05)
+    # Each side has its own error; that of the difference takes their correlation along.
+    assert own.left_sigma > 0
+    assert own.right_sigma > 0
+    assert own.z == pytest.approx(own.difference / own.difference_sigma)
 
 
 def test_relation_without_a_determined_coefficient_has_no_score():

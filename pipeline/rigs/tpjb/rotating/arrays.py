@@ -92,7 +92,9 @@ def _run(group: LoadGroup, turns: Turns) -> dict[str, Any]:
 
 
 def _stiffness_change(linear: ModelFit, first: ModelFit) -> float:
-    """Return the change of sqrt(det K) of the linear fit against that at the lowest ratio."""
+    """Return the change of sqrt(det K) of the linear fit against that at the lowest ratio; NaN for that one itself."""
+    if linear is first:
+        return math.nan
     own, lowest = (math.sqrt(abs(float(np.linalg.det(fit.K)))) for fit in (linear, first))
     return own / lowest - 1.0
 

@@ -31,7 +31,7 @@ _SURE, _MATTERS = 3.0, 0.01
 class Consistency:
     """One comparison: left and right with standard errors (SI), z-score, and what a difference means.
 
-    `grave` tells that a difference casts doubt on the numbers, and not on a theory.
+    `difference_sd` is the standard error of the difference where both sides are correlated. `grave` tells that a difference casts doubt on the numbers, and not on a theory.
     """
 
     group: str
@@ -45,13 +45,15 @@ class Consistency:
     meaning: str
     scale: float = math.nan
     grave: bool = False
+    difference_sd: float | None = None
 
     @property
     def z(self) -> float | None:
         """Difference over its standard error; None where one side is not known."""
         if self.left is None:
             return None
-        return (self.left - self.right) / max(math.hypot(self.left_sd, self.right_sd), 1e-300)
+        apart = math.hypot(self.left_sd, self.right_sd) if self.difference_sd is None else self.difference_sd
+        return (self.left - self.right) / max(apart, 1e-300)
 
     @property
     def holds(self) -> bool | None:
@@ -141,6 +143,7 @@ def _entry(label: str, kind: str, relation: Relation, meanings: Mapping[str, str
     return Consistency(
         label, kind, relation.name, relation.left, relation.left_sigma, relation.right, relation.right_sigma,
         relation.unit, meaning or "the film's force has no potential in this plane, as cross coupling has none",
+        difference_sd=relation.difference_sigma,
     )  # fmt: skip
 
 

@@ -132,7 +132,8 @@ class StiffnessOfLoad:
 class Relation:
     """Two sides of an equation that should agree; `left` is None where the orbits do not tell it.
 
-    `z` is their difference over its standard error.
+    `z` is their difference over its standard error, which is `difference_sigma` where both sides come
+    from the same orbits, else that of two independent ones.
     """
 
     name: str
@@ -142,6 +143,7 @@ class Relation:
     right_sigma: float
     unit: str
     text: str
+    difference_sigma: float | None = None
 
     @property
     def difference(self) -> float | None:
@@ -151,7 +153,7 @@ class Relation:
     @property
     def sigma(self) -> float:
         """Standard error of the difference."""
-        return math.hypot(self.left_sigma, self.right_sigma)
+        return math.hypot(self.left_sigma, self.right_sigma) if self.difference_sigma is None else self.difference_sigma
 
     @property
     def z(self) -> float | None:
@@ -219,8 +221,7 @@ def position_relation(
 def conservative(fit: ModelFit) -> list[Relation]:
     """Return what holds if the film's force has a potential: kxy = kyx, kxxy = 2 kyx2, kyxy = 2 kxy2.
 
-    Right sides are taken with their correlation to the left ones: the error of the difference stands
-    in `left_sigma`. `fit` is that of M6.
+    Both sides come from one fit, that of M6: the error of their difference takes their correlation along.
     """
     told, C = fit.estimates, fit.p_covariance
     found = []
@@ -232,11 +233,12 @@ def conservative(fit: ModelFit) -> list[Relation]:
             Relation(
                 f"{left} = {factor:g} {right}" if factor != 1 else f"{left} = {right}",
                 float(fit.p[i]) if known else None,
-                sigma,
+                math.sqrt(max(float(C[i, i]), 0.0)),
                 factor * float(fit.p[j]),
-                0.0,
+                factor * math.sqrt(max(float(C[j, j]), 0.0)),
                 "N/m" if factor == 1 else "N/m^2",
                 told[left].reason or told[right].reason or "holds if the film's force has a potential",
+                sigma,
             )
         )
     return found

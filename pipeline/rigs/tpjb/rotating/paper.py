@@ -131,7 +131,7 @@ def _models() -> list[Published]:
             f"becomes {dependent[0]:.2f}..{dependent[1]:.2f}",
             "3.2, Fig. 6", bool(centre < 0 and halves[1] > halves[0] and dependent[1] > plain[1]),
             "k(W0 + fy) as the paper uses it, k in proportion to W; M1 without it: centre 0, half axes 24.00 um; M3 with "
-            "2e12 N/m^2. Curvature is times the mean radius. An exact ellipse, though 2X/1X is 0.19: elliptic is not linear",
+            "2e12 N/m^2. Curvature is times the mean radius about the equilibrium. An exact ellipse, though 2X/1X is 0.19: elliptic is not linear",
         ),
         _row(
             "loss of stiffness from 5 to 30 % load", "up to 60 %", f"{100 * 3 * eta**2 / 32:.1f} %", "1, ref. 18", False,
@@ -160,10 +160,14 @@ def _third_secant(k: float, k2: float, load: np.ndarray, W: float) -> np.ndarray
 
 
 def curvature(orbit: np.ndarray) -> tuple[float, float]:
-    """Return the least and the largest curvature of a closed curve, shape (2, n), times its mean radius: 1 for a circle."""
+    """Return the least and the largest curvature of a closed curve, shape (2, n), times its mean radius.
+
+    The radius counts from the origin, which is the equilibrium, and not from the middle of the curve; a
+    circle about the origin has 1.
+    """
     z = orbit[0] + 1j * orbit[1]
     order = np.fft.fftfreq(z.size, 1.0 / z.size)
     spectrum = np.fft.fft(z)
     first, second = (np.fft.ifft(spectrum * (1j * order) ** n) for n in (1, 2))
-    value = (first.conj() * second).imag / np.abs(first) ** 3 * np.abs(z - z.mean()).mean()
+    value = (first.conj() * second).imag / np.abs(first) ** 3 * np.abs(z).mean()
     return float(value.min()), float(value.max())

@@ -180,7 +180,7 @@ def _runs(findings: Findings) -> Table:
         "distortion",
         "Distortion of each run",
         "THD of what the linear bearing and the load's harmonics do not explain; misfit of a linear law (M2 of this run "
-        "alone) over the rms orbit; change of its stiffness against the lowest ratio; the largest distance from equilibrium.",
+        "alone) over the rms orbit; change of its stiffness against the lowest ratio, where there are several; the largest distance from equilibrium.",
         [
             Column("run"), Column("turns"), Column("THD", "%"), Column("THD of the load", "%"),
             Column("misfit of a linear law", "%"), Column("change of stiffness", "%"), Column("largest |d|", "m"),
@@ -192,6 +192,10 @@ def _runs(findings: Findings) -> Table:
 
 def _three(value: float) -> float | None:
     return float(f"{value:.3g}") + 0.0 if math.isfinite(value) else None
+
+
+_M6 = "Quadratic terms and stiffnesses of the orbits are those of M6, whichever model is selected. "
+_OF_MODEL = {"Load dependence of stiffness": _M6, "Has the film's force a potential": _M6}
 
 
 def of_consistency(findings: Findings) -> list[Figure | Table | Text]:
@@ -207,19 +211,22 @@ def of_consistency(findings: Findings) -> list[Figure | Table | Text]:
             state = Status.not_checkable if pd.isna(z) else Status.agrees if holds else Status.contradicts
             left = Value(None if pd.isna(row["left"]) else float(row["left"]), _positive(row["left_sd"]))
             right = Value(float(row["right"]), _positive(row["right_sd"]))
-            rows.append([row["group"], row["name"], left, right, "" if pd.isna(z) else f"{z:+.1f}", state])
+            sides = str(row["name"]).split(" = ") if " = " in str(row["name"]) else ["rotating load", "dynamic test"]
+            rows.append([row["group"], row["name"], sides[0], left, "" if pd.isna(z) else f"{z:+.1f}", state])
+            rows.append([row["group"], row["name"], sides[1], right, "", ""])
         meanings = list(dict.fromkeys(part.loc[part["holds"].isin([False]), "meaning"]))
         said = " ".join(f"Where it fails: {meaning}." for meaning in meanings)
         tables.append(
             Table(
                 f"consistency_{number}",
                 str(kind),
-                f"z is the difference over its standard error; within 3 both sides agree. {said}".strip(),
+                f"{_OF_MODEL.get(str(kind).split(' (')[0], '') if unit != 'm' else ''}Each side with its own error; z is the difference over its "
+                f"standard error, correlation of both sides included; within 3 they agree. {said}".strip(),
                 [
                     Column("bearing, load"),
-                    Column("what"),
-                    Column("left side", str(unit)),
-                    Column("right side", str(unit)),
+                    Column("comparison"),
+                    Column("side"),
+                    Column("value", str(unit)),
                     Column("z"),
                     Column("result"),
                 ],

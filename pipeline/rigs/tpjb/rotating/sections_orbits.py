@@ -110,6 +110,8 @@ def _relative(findings: Findings) -> list[Figure]:
     for _, row in runs.iterrows():
         part = _of(findings, "samples", row["run"])
         part = part[part["steady"]]
+        several = int((runs["group"] == row["group"]).sum()) > 1
+        shared = "Models share their coefficients with the other ratios at this static load. " if several else ""
         curves = ideal[ideal["run"] == row["run"]]
         panels = []
         for model in curves["model"].unique()[:_MOST_MODELS]:
@@ -127,8 +129,8 @@ def _relative(findings: Findings) -> list[Figure]:
                 f"orbit_{row['run']}",
                 f"Orbit of {title(row)}",
                 "Which law makes this orbit? Steady turns from the static equilibrium of the selected model, drift taken "
-                "out, and each model under a load of constant size about the equilibrium that its own fit found. Models share their coefficients with the other ratios "
-                "at this static load. Counterpart of the paper's Figures 6, 7, 10 and 11.",
+                "out, and each model under a load of constant size about the equilibrium that its own fit found. "
+                f"{shared}Counterpart of the paper's Figures 6, 7, 10 and 11.",
                 f"measured orbit of {row['run']} and the orbits of the models, one panel a model",
                 panels,
                 columns=4 if len(panels) > _SHOWN_MODELS else 2,
