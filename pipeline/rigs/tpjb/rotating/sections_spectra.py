@@ -133,7 +133,7 @@ def _table(findings: Findings) -> Table:
             for order in (1, 2, 3):
                 found = findings.find(name, run=str(row["run"]), order=float(order))
                 cells.append(Value(found[0].value, found[0].std_error, found[0].ci95) if found else None)
-        cells.append(float(f"{row['second_load']:.2g}"))
+        cells.append(f"{100 * row['second_load']:.2g} %")
         rows.append(cells)
     return Table(
         "harmonics",
@@ -143,7 +143,7 @@ def _table(findings: Findings) -> Table:
         [
             Column("run"),
             *(Column(f"{axis} {order}X", "m") for axis in ("x", "y") for order in (1, 2, 3)),
-            Column("load 2X/1X", "%"),
+            Column("load 2X/1X"),
         ],
         rows,
     )
