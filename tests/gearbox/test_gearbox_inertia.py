@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from gearbox_known import D0, D1, J_L, known
 
+from pipeline.estimation.uncertainty import Covariance
 from pipeline.rigs.gearbox.aligned_run import AlignedRun
-from pipeline.rigs.gearbox.inertia import load_parameters
+from pipeline.rigs.gearbox.inertia import _undetermined, load_parameters
 from pipeline.rigs.gearbox.load_windows import free_spans, modulated
 
 TRUE = np.array([J_L, D0, D1])
@@ -89,3 +90,11 @@ def test_the_gain_of_the_torque_sensor_goes_straight_into_the_inertia():
         "r", run.time, run.torque_in, 0.55 * run.torque_out, run.angle_time, run.angle, run.stages, {}, 20.0
     )
     assert load_parameters([modulated(wrong, [])]).values[0] == pytest.approx(0.55 * 0.03, rel=2e-3)
+
+
+def test_an_impossible_inertia_is_no_number() -> None:
+    error = Covariance(np.diag([1e-8, 1e-6, 1e-8]), 20.0, "given")
+    reasons = _undetermined(np.array([-4e-3, 0.25, 4e-3]), error)
+    assert set(reasons) == {"inertia_load", "drag_coulomb", "drag_viscous"}
+    assert "no bench has" in reasons["inertia_load"]
+    assert not _undetermined(np.array([2e-2, 0.25, 4e-3]), error)

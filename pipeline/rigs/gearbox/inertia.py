@@ -15,6 +15,9 @@ from pipeline.estimation.uncertainty import Covariance
 from pipeline.rigs.gearbox.load_windows import HOP, MEAN, WINDOW, Noise, Windows
 
 NAMES = ("inertia_load", "drag_coulomb", "drag_viscous")
+# What a bench can have (section 5.6): kg m^2, N m, N m s/rad.
+_POSSIBLE = ((1e-4, 1.0), (0.0, 2.0), (0.0, 0.1))
+_BEYOND = 2.0  # standard errors outside of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +115,15 @@ def _scatter(scores: list[np.ndarray], spreads: list[np.ndarray]) -> float:
 
 
 def _undetermined(values: np.ndarray, covariance: Covariance) -> dict[str, str]:
-    """Tell which parameters have an error as large as themselves."""
+    """Tell which parameters have an error as large as themselves; all, where one of them is impossible."""
     error = covariance.std_error
+    for name, value, sd, (least, most) in zip(NAMES, values, error, _POSSIBLE, strict=True):
+        if value < least - _BEYOND * sd or value > most + _BEYOND * sd:
+            reason = (
+                f"{name} would be {value:.2g}, which no bench has ({least:g} to {most:g}): counts, torques or their clocks "
+                "do not go together in these runs"
+            )
+            return dict.fromkeys(NAMES, reason)
     reasons = {
         "inertia_load": "the load hardly accelerates in these runs",
         "drag_coulomb": "the runs hold too little steady motion",

@@ -88,7 +88,8 @@ def _locked(said: Judgement, campaign: CampaignNumbers, vibration: Mapping[str, 
     elif slipping:
         said.warn(f"FOS is not fully locked in {_names(slipping)}: mesh lines stand in its vibration.")
     else:
-        said.reasons.append("Whether FOS is really locked cannot be checked: there is no vibration log.")
+        lacks = "FOS" if any(run.record.vibration is not None for run in campaign.runs) else "vibration log"
+        said.reasons.append(f"Whether FOS is really locked cannot be checked: there is no {lacks}.")
 
 
 def _sensors(said: Judgement, campaign: CampaignNumbers, settings: LoadExchangeSettings) -> None:
