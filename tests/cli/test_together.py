@@ -144,6 +144,7 @@ def test_a_signal_while_the_files_take_their_places_waits_for_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rename = Path.rename
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores Ctrl-C
 
     def with_signal(path: Path, target: Path) -> Path:
         os.kill(os.getpid(), signal.SIGINT)
@@ -152,9 +153,19 @@ def test_a_signal_while_the_files_take_their_places_waits_for_them(
     (tmp_path / "a").write_text("old")
     (tmp_path / "b").write_text("old")
     monkeypatch.setattr(Path, "rename", with_signal)
-    with pytest.raises(KeyboardInterrupt):
-        write(tmp_path, {"a": "new", "b": "new"})
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            write(tmp_path, {"a": "new", "b": "new"})
+    finally:
+        signal.signal(signal.SIGINT, handler)
     assert state(tmp_path) == {"a": b"new", "b": b"new"}
+
+
+def _as_in_a_terminal() -> None:
+    """Undo what a job in the background, or one under nohup, hands on to its children."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -175,7 +186,7 @@ def test_a_signal_to_the_program_ends_it_with_its_status_and_the_old_state(
     environment = {**os.environ, "PYTHONPATH": str(TOY_RIG)}
     with subprocess.Popen(
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        preexec_fn=_as_in_a_terminal,
     ) as process:  # fmt: skip
         assert process.stdout is not None
         assert process.stdout.readline() == "here\n"
