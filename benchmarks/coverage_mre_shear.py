@@ -15,8 +15,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from benchmarks.coverage import parser, seeds_of, table
 from pipeline.estimation.estimate import Estimate
-from pipeline.rigs.mre.harmonic_fit import FitOptions, Identification, identify_loops
-from pipeline.rigs.mre.loop import Loop, Pads, fit_loop, loop_metrics
+from pipeline.rigs.mre.model.harmonic_fit import FitOptions, Identification, identify_loops
+from pipeline.rigs.mre.model.loop import Loop, fit_loop
+from pipeline.rigs.mre.pads import Pads
+from pipeline.rigs.mre.shear.loop_metrics import loop_metrics
 from pipeline.rigs.mre.synthetic import ShearTruth, shear_runs, shear_truth, synthesize_shear, true_loop
 
 PADS = Pads(diameter=0.05, height=0.006)

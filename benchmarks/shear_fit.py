@@ -76,8 +76,8 @@ def _timed(function: Any, *arguments: Any) -> tuple[float, dict[str, float]]:
 
 def ours(recordings: list[Recording]) -> dict[str, float]:
     """Fit by rigfit: harmonics of every run, then the variable projection from several starts."""
-    from pipeline.rigs.mre.harmonic_fit import FitOptions, identify_loops
-    from pipeline.rigs.mre.loop import fit_loop
+    from pipeline.rigs.mre.model.harmonic_fit import FitOptions, identify_loops
+    from pipeline.rigs.mre.model.loop import fit_loop
 
     loops = [
         fit_loop(

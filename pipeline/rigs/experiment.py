@@ -145,7 +145,7 @@ class Context:
 class Later:
     """A function that is imported when it is first called, so that listing experiments stays fast.
 
-    `address` is where it stands, as ``pipeline.rigs.mre.shear_identify:identify``.
+    `address` is where it stands, as ``pipeline.rigs.mre.shear.identify:identify``.
     """
 
     address: str

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.findings import Findings
 from pipeline.recording import Channel, Recording, Stream
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.mre.shear import SHEAR, ShearSettings
+from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
 from pipeline.rigs.mre.synthetic import ShearTruth
 
 TRUTH = ShearTruth()

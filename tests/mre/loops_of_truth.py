@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.recording import Recording
-from pipeline.rigs.mre.loop import Loop, fit_loop
+from pipeline.rigs.mre.model.loop import Loop, fit_loop
 from pipeline.rigs.mre.synthetic import ShearRun, ShearTruth, shear_runs, shear_truth, synthesize_shear, true_loop
 
 # Standard deviation of a harmonic: 1 N and 1.5 um over 20 000 samples.

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.rigs.mre.bouc_wen import (
+from pipeline.rigs.mre.model.bouc_wen import (
     along,
     closed_paths,
     is_admissible,

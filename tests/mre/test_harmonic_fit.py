@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from loops_of_truth import logged, noisy
 
-from pipeline.rigs.mre.dynamic_fit import DynamicFit
-from pipeline.rigs.mre.harmonic_fit import FitOptions, identify_loops
-from pipeline.rigs.mre.leave_one_out import leave_one_out
+from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
+from pipeline.rigs.mre.model.harmonic_fit import FitOptions, identify_loops
+from pipeline.rigs.mre.model.leave_one_out import leave_one_out
 from pipeline.rigs.mre.synthetic import shear_runs, shear_truth, true_loop
 
 TRUTH = shear_truth({})
@@ -248,7 +248,7 @@ def test_model_predicts_loops_that_it_has_not_seen() -> None:
     assert np.linalg.norm(fit.predicted(loop) - late) / np.linalg.norm(late) < 1e-3
     stiffness = fit.metric_at("stiffness_secant", 5e-4, 7.0, 4.0)
     pure = true_loop(replace(truth, second_harmonic=0.0, third_harmonic=0.0), shear_runs(truth)[0])
-    from pipeline.rigs.mre.loop import loop_metrics
+    from pipeline.rigs.mre.shear.loop_metrics import loop_metrics
 
     expected = {e.name: e.value for e in loop_metrics(pure)}["stiffness_secant"]
     assert abs(stiffness.value - expected) < 4 * stiffness.std_error

@@ -9,7 +9,7 @@ from scipy.signal import butter, sosfiltfilt
 from pipeline.findings import Findings
 from pipeline.recording import Channel, Recording, Stream
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.mre.shear import SHEAR, ShearSettings
+from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
 
 STIFFNESS, DAMPING, RATE = 2.0e5, 300.0, 1000.0
 

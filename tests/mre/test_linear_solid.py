@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.rigs.mre.linear_solid import maxwell_along, maxwell_harmonics
+from pipeline.rigs.mre.model.linear_solid import maxwell_along, maxwell_harmonics
 
 
 def test_step_of_constant_rate_is_the_closed_form() -> None:

@@ -8,18 +8,10 @@ import pytest
 from loops_of_truth import logged
 
 from pipeline.estimation.estimate import Estimate
-from pipeline.rigs.mre.loop import (
-    N_F,
-    N_X,
-    Loop,
-    Pads,
-    curve,
-    fit_loop,
-    group_levels,
-    half_cycle_metrics,
-    half_range,
-    loop_metrics,
-)
+from pipeline.rigs.mre.model.loop import N_F, N_X, Loop, curve, fit_loop, half_range
+from pipeline.rigs.mre.pads import Pads, group_levels
+from pipeline.rigs.mre.shear.half_cycle import half_cycle_metrics
+from pipeline.rigs.mre.shear.loop_metrics import loop_metrics
 from pipeline.rigs.mre.synthetic import ShearRun, shear_runs, shear_truth, true_loop
 
 PADS = Pads(0.05, 0.006, 2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.mre.shear import SHEAR, ShearSettings
+from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
 from pipeline.rigs.mre.synthetic import ShearTruth
 
 NOISELESS = {

@@ -6,10 +6,10 @@ import pytest
 
 from pipeline.findings import Findings
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.mre.harmonic_fit import identify_loops
-from pipeline.rigs.mre.other_optima import without_other_optima
-from pipeline.rigs.mre.shear import SHEAR, ShearSettings
-from pipeline.rigs.mre.shear_runs import sort_runs
+from pipeline.rigs.mre.model.harmonic_fit import identify_loops
+from pipeline.rigs.mre.model.other_optima import without_other_optima
+from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
+from pipeline.rigs.mre.shear.runs import sort_runs
 from pipeline.rigs.mre.synthetic import ShearTruth
 
 TRUTH = ShearTruth()

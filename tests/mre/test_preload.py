@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from loops_of_truth import logged
 
-from pipeline.rigs.mre.dynamic_fit import DynamicFit
-from pipeline.rigs.mre.harmonic_fit import FitOptions, identify_loops
-from pipeline.rigs.mre.loop import Loop, loop_metrics
-from pipeline.rigs.mre.preload import PreloadTable, preload_table, split_by_preload
+from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
+from pipeline.rigs.mre.model.harmonic_fit import FitOptions, identify_loops
+from pipeline.rigs.mre.model.loop import Loop
+from pipeline.rigs.mre.shear.loop_metrics import loop_metrics
+from pipeline.rigs.mre.shear.preload import PreloadTable, preload_table, split_by_preload
 from pipeline.rigs.mre.synthetic import ShearRun, amplitude_for_force, shear_truth, true_loop
 
 STATES = [(200.0, 0.0), (200.0, 6.0), (700.0, 0.0), (700.0, 6.0)]

@@ -12,12 +12,12 @@ import pytest
 from pipeline.findings import Published
 from pipeline.findings.figures import Figure, Line, Points
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.mre.shear import SHEAR, ShearSettings
-from pipeline.rigs.mre.shear_arrays import _alike
-from pipeline.rigs.mre.shear_methods import _runs_hold
-from pipeline.rigs.mre.shear_published import published
-from pipeline.rigs.mre.shear_sections import sections
-from pipeline.rigs.mre.shear_verdict import _design_advice
+from pipeline.rigs.mre.shear.arrays import _alike
+from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
+from pipeline.rigs.mre.shear.methods import _runs_hold
+from pipeline.rigs.mre.shear.published import published
+from pipeline.rigs.mre.shear.sections import sections
+from pipeline.rigs.mre.shear.verdict import _design_advice
 
 
 def fit_of(amplitudes: list[float], frequencies: list[float], **estimates: float) -> Any:

@@ -10,7 +10,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.recording import Channel, Condition, Recording, Stream
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.mre.shear import SHEAR
+from pipeline.rigs.mre.shear.declaration import SHEAR
 from pipeline.rigs.mre.synthetic import synthesize_rich
 
 PADS: Mapping[str, Condition] = {"pad_diameter": 0.05, "pad_height": 0.006, "n_pads": 2.0}

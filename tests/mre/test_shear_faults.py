@@ -27,7 +27,7 @@ from scipy.signal import butter, lfilter
 from pipeline.errors import InputError
 from pipeline.recording import Provenance, Recording, SourceFile, Stream
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.mre.shear import SHEAR, ShearSettings
+from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
 
 
 @pytest.fixture(scope="module")

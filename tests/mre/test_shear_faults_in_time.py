@@ -24,8 +24,8 @@ from faulty_logs import (
 
 from pipeline.errors import InputError
 from pipeline.recording import Recording
-from pipeline.rigs.mre.shear import SHEAR
-from pipeline.rigs.mre.shear_sampling import alias_of
+from pipeline.rigs.mre.shear.declaration import SHEAR
+from pipeline.rigs.mre.shear.sampling import alias_of
 from pipeline.rigs.mre.synthetic import synthesize_rich
 
 

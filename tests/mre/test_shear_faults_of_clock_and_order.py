@@ -13,7 +13,7 @@ from scipy.signal import butter, lfilter
 
 from pipeline.findings import Findings
 from pipeline.recording import Provenance, Recording
-from pipeline.rigs.mre.shear import SHEAR
+from pipeline.rigs.mre.shear.declaration import SHEAR
 
 RATE = 1000.0
 

@@ -12,7 +12,7 @@ from pipeline.findings import Findings
 from pipeline.findings.figures import Figure, Table
 from pipeline.recording import Channel, Recording, Stream
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.mre.shear import SHEAR, ShearSettings
+from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
 from pipeline.rigs.mre.synthetic import synthesize_shear
 
 TRUTH = {"k1": 6e4, "s1": 1200, "tau": 0.02, "k2": 2.6e5, "alpha_bw": 40, "rho": 4000, "c_bw": 0.8, "n_bw": 1.4}

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from loops_of_truth import noisy
 
-from pipeline.rigs.mre.harmonic_fit import FitOptions, Identification, identify_loops
-from pipeline.rigs.mre.loop import Loop
-from pipeline.rigs.mre.shear_odd import OddRun, set_odd_runs_aside
+from pipeline.rigs.mre.model.harmonic_fit import FitOptions, Identification, identify_loops
+from pipeline.rigs.mre.model.loop import Loop
+from pipeline.rigs.mre.shear.odd_runs import OddRun, set_odd_runs_aside
 
 # Of the 12 runs: 5, 10, 15 Hz at 0, 2, 4, 6 A, three after three.
 TWELVE = 12

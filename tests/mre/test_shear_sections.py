@@ -14,8 +14,8 @@ from pipeline.findings.figures import Figure, Line, Points, Section, Table
 from pipeline.findings.storage import read, write
 from pipeline.recording import Channel, Recording, Stream
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.mre.shear import SHEAR, ShearSettings
-from pipeline.rigs.mre.shear_residuals import field_laws
+from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
+from pipeline.rigs.mre.shear.residuals import field_laws
 from pipeline.rigs.mre.synthetic import synthesize_rich
 
 SHORT = {"duration": 1.2, "preload_runs": False}

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.rigs.mre.dynamic_model import Shape
+from pipeline.rigs.mre.model.dynamic_model import Shape
+from pipeline.rigs.mre.model.time_columns import highest_motion, segment_columns, segments_of
+from pipeline.rigs.mre.model.time_fit import Record, TimeFit, TimeOptions, fit_records
 from pipeline.rigs.mre.synthetic import synthesize_rich
-from pipeline.rigs.mre.time_columns import highest_motion, segment_columns, segments_of
-from pipeline.rigs.mre.time_fit import Record, TimeFit, TimeOptions, fit_records
 
 TRUTH = {"k1": 6.0e4, "s1": 1200.0, "k2": 2.6e5, "alpha_bw": 40.0, "rho": 4000.0, "c_bw": 0.8, "n_bw": 1.4}
 

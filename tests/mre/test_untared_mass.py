@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from loops_of_truth import measured, noisy
 
-from pipeline.rigs.mre.harmonic_fit import FitOptions, identify_loops
+from pipeline.rigs.mre.model.harmonic_fit import FitOptions, identify_loops
+from pipeline.rigs.mre.shear.untared_mass import MassDecision, weigh_mass
 from pipeline.rigs.mre.synthetic import ShearRun
-from pipeline.rigs.mre.untared_mass import MassDecision, weigh_mass
 
 SEEDS = range(6)
 

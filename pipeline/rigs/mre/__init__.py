@@ -1,5 +1,5 @@
 """Magneto-rheological elastomer pads in compression and shear; also other hysteretic devices on a shaker."""
 
-from pipeline.rigs.mre.shear import SHEAR
+from pipeline.rigs.mre.shear.declaration import SHEAR
 
 EXPERIMENTS = (SHEAR,)

@@ -13,7 +13,7 @@ from pipeline.errors import InputError, listing, nearest
 from pipeline.recording import Channel, Condition, Recording, Stream
 
 if TYPE_CHECKING:
-    from pipeline.rigs.mre.loop import Loop
+    from pipeline.rigs.mre.model.loop import Loop
 
 _OVERSAMPLING = 10
 _WARM_UP_CYCLES = 5
@@ -153,9 +153,9 @@ def shear_runs(truth: ShearTruth) -> list[ShearRun]:
 
 def true_force(truth: ShearTruth, run: ShearRun, X: np.ndarray, orders: int = 15, points: int = 4096) -> np.ndarray:
     """Return the steady force harmonics 1..`orders` for displacement harmonics X, without lag and noise."""
-    from pipeline.rigs.mre.bouc_wen import closed_paths, steady_states
-    from pipeline.rigs.mre.linear_solid import maxwell_harmonics
-    from pipeline.rigs.mre.loop import curve
+    from pipeline.rigs.mre.model.bouc_wen import closed_paths, steady_states
+    from pipeline.rigs.mre.model.linear_solid import maxwell_harmonics
+    from pipeline.rigs.mre.model.loop import curve
 
     w = steady_states(closed_paths(curve(X, points)[None]), truth.rho, truth.c_bw, truth.n_bw)[0, :, 0]
     F = truth.alpha_at(run.current) * np.fft.rfft(w)[1 : orders + 1] * 2 / points
@@ -175,7 +175,7 @@ def true_motion(truth: ShearTruth, run: ShearRun) -> np.ndarray:
 
 def true_loop(truth: ShearTruth, run: ShearRun, frequency: float | None = None) -> Loop:
     """Return the loop of a run as it is, without noise and lag, at its nominal or a given frequency (Hz)."""
-    from pipeline.rigs.mre.loop import N_F, N_X, Loop
+    from pipeline.rigs.mre.model.loop import N_F, N_X, Loop
 
     run = run if frequency is None else replace(run, frequency=frequency)
     X = true_motion(truth, run)
@@ -193,7 +193,7 @@ def amplitude_for_force(
     """Return the amplitude (m) at which the steady force has half peak-to-peak `force` (N)."""
     from scipy.optimize import brentq
 
-    from pipeline.rigs.mre.loop import half_range
+    from pipeline.rigs.mre.model.loop import half_range
 
     def excess(X: float) -> float:
         run = ShearRun("", "", frequency, X, current, preload)
@@ -231,8 +231,8 @@ def _sine_run(truth: ShearTruth, run: ShearRun, rng: np.random.Generator) -> Rec
 
 
 def _force_along(truth: ShearTruth, run: ShearRun, time: np.ndarray, x: np.ndarray) -> np.ndarray:
-    from pipeline.rigs.mre.bouc_wen import along, path_through
-    from pipeline.rigs.mre.linear_solid import maxwell_along
+    from pipeline.rigs.mre.model.bouc_wen import along, path_through
+    from pipeline.rigs.mre.model.linear_solid import maxwell_along
 
     w = along(path_through(x), truth.rho, truth.c_bw, truth.n_bw, sensitivities=False)[:, 0]
     u = maxwell_along(time, x, truth.s1 / truth.k1)[:, 0]

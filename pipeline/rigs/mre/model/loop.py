@@ -1,0 +1,220 @@
+"""One steady loop of force against displacement: its harmonics with their errors (mre.md 3.5).
+
+No model of the material here, and no decision which part of a record is steady.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.estimation.harmonic import HarmonicFit, fit_harmonics, fundamental
+from pipeline.signals.spectra import near_mains
+
+N_X = N_F = 15  # harmonics kept of displacement and of force
+_FIRST_X = 5  # of the displacement that are always fitted; the others only where the motion has them
+_LINES_BELOW = 3  # multiples of the mains frequency that are fitted beside the harmonics
+_BINS = 200  # periodogram bins averaged for the noise level at one harmonic
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """Steady motion and force of one run: x(t) = x_mean + Re sum_h X_h exp(j h 2 pi f t), F likewise.
+
+    Attributes
+    ----------
+    run, frequency
+        Name of the run; fitted fundamental, Hz.
+    X, F
+        Harmonics 1..N_X of displacement (m) and 1..N_F of force (N), complex. Those of x beyond the fifth
+        are 0 (and have no error) unless they stand out of the noise, as those of a triangle do.
+    sd_x, sd_f
+        Standard deviation of the real and of the imaginary part of each, from the residual's level
+        around that harmonic; shapes (N_X,) and (N_F,).
+    kept
+        Which force harmonics are data, (N_F,): False next to a multiple of the mains frequency and
+        above 0.45 times the sampling rate (F is zero there).
+    x_mean, f_mean, sigma_x, sigma_f
+        Means and residual standard deviations of the samples, m and N.
+    n_samples, duration
+        Samples used and their span, s.
+    current, preload
+        Mean measured coil current (A) and preload (N) of the run; None where not given.
+    """
+
+    run: str
+    frequency: float
+    X: np.ndarray
+    F: np.ndarray
+    sd_x: np.ndarray
+    sd_f: np.ndarray
+    kept: np.ndarray
+    x_mean: float
+    f_mean: float
+    sigma_x: float
+    sigma_f: float
+    n_samples: int
+    duration: float
+    current: float | None = None
+    preload: float | None = None
+
+    @property
+    def omega(self) -> float:
+        """Angular frequency, rad/s."""
+        return 2 * np.pi * self.frequency
+
+    @property
+    def amplitude(self) -> float:
+        """Half peak-to-peak of the fitted displacement, m."""
+        return half_range(self.X)
+
+
+def curve(coefficients: np.ndarray, points: int = 256) -> np.ndarray:
+    """Return one cycle of the series at `points` equal phases from 0, shape (points,), without mean."""
+    spectrum = np.zeros(points // 2 + 1, dtype=complex)
+    spectrum[1 : coefficients.size + 1] = coefficients * (points / 2)
+    return np.fft.irfft(spectrum, points)
+
+
+def drift_degree(cycles: float) -> int:
+    """Return the degree of the polynomial that stands for slow drift over so many cycles."""
+    return 0 if cycles < 3 else 1 if cycles < 8 else 3
+
+
+def half_range(coefficients: np.ndarray) -> float:
+    """Return half the peak-to-peak value of a harmonic series of shape (k,)."""
+    value, _ = half_range_with_slope(coefficients)
+    return value
+
+
+def half_range_with_slope(coefficients: np.ndarray, points: int = 1024) -> tuple[float, np.ndarray]:
+    """Return half the peak-to-peak value and d/d(Re) + j d/d(Im) of it for every harmonic."""
+    values = curve(coefficients, points)
+    orders = np.arange(1, coefficients.size + 1)
+    extremes, slopes = [], []
+    for sign in (1.0, -1.0):
+        i = int(np.argmax(sign * values))
+        before, middle, after = values[i - 1], values[i], values[(i + 1) % points]
+        bend = before - 2 * middle + after
+        shift = 0.5 * (before - after) / bend if bend != 0 else 0.0
+        turn = np.exp(2j * np.pi * orders * (i + shift) / points)
+        extremes.append(float((coefficients * turn).real.sum()))
+        slopes.append(np.conj(turn))
+    return 0.5 * (extremes[0] - extremes[1]), 0.5 * (slopes[0] - slopes[1])
+
+
+def fit_loop(
+    run: str,
+    time: np.ndarray,
+    displacement: np.ndarray,
+    force: np.ndarray,
+    *,
+    frequency: float | None = None,
+    current: float | None = None,
+    preload: float | None = None,
+    mains: float = 50.0,
+) -> Loop:
+    """Fit the harmonics of a steady record (whole cycles are not needed; dropouts need no repair).
+
+    Parameters
+    ----------
+    time, displacement, force
+        Stamps (s) and samples (m, N), shape (n,).
+    frequency
+        A guess in Hz; the fundamental of the displacement is fitted.
+    mains
+        Mains frequency, Hz: its lines are fitted along where no harmonic lies within 2/T of them, and
+        the harmonics that do are marked as no data. 0 for none.
+
+    Raises
+    ------
+    InputError
+        If less than a cycle was logged or nothing moves.
+
+    Notes
+    -----
+    Slow drift of both signals is projected out: a straight line from 3 cycles on, a cubic from 8.
+    """
+    found = fundamental(time, displacement, frequency)
+    f, duration = found.value, float(time[-1] - time[0])
+    cycles = f * duration
+    drift = drift_degree(cycles)
+    rate = (time.size - 1) / duration
+    highest = max(int(0.45 * rate / f), 1)
+    n_x, n_f = min(_FIRST_X, highest), min(N_F, highest)
+    x = fit_harmonics(time, displacement, f, range(1, n_x + 1), drift)
+    if _more_harmonics(time, x, np.arange(n_x + 1, min(N_X, highest) + 1)):
+        n_x = min(N_X, highest)
+        x = fit_harmonics(time, displacement, f, range(1, n_x + 1), drift)
+
+    orders = np.arange(1, N_F + 1)
+    near, lines = np.zeros(N_F, dtype=bool), np.zeros(0)
+    if mains > 0:
+        near = near_mains(f * orders, duration, mains)
+        multiples = mains * np.arange(1, _LINES_BELOW + 1)
+        clear = np.abs(multiples[:, None] - f * orders).min(axis=1) > 2 / duration
+        lines = multiples[clear & (multiples < 0.45 * rate)]
+    F = fit_harmonics(time, force, f, [*range(1, n_f + 1), *(lines / f)], drift)
+
+    X_h, F_h = np.zeros(N_X, dtype=complex), np.zeros(N_F, dtype=complex)
+    X_h[:n_x], F_h[:n_f] = x.coefficients, F.coefficients[:n_f]
+    return Loop(
+        run=run,
+        frequency=f,
+        X=X_h,
+        F=F_h,
+        sd_x=np.where(np.arange(1, N_X + 1) <= n_x, _noise(time, x, np.arange(1, N_X + 1)), 0.0),
+        sd_f=_noise(time, F, orders),
+        kept=~near & (orders <= n_f),
+        x_mean=x.offset,
+        f_mean=F.offset,
+        sigma_x=x.sigma,
+        sigma_f=F.sigma,
+        n_samples=F.n,
+        duration=duration,
+        current=current,
+        preload=preload,
+    )
+
+
+def _more_harmonics(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> bool:
+    """Tell whether the residual holds lines at further `orders` that stand out of its noise."""
+    if not orders.size:
+        return False
+    residual = np.where(np.isfinite(fit.residual), fit.residual, 0.0)
+    turn = np.exp(-2j * np.pi * fit.frequency * time)
+    carried = residual * turn ** (orders[0] - 1)
+    lines = np.zeros(orders.size)
+    for i in range(orders.size):
+        carried *= turn
+        lines[i] = 2 * abs(carried.sum()) / fit.n
+    return bool(np.any(lines > 5 * _noise(time, fit, orders)))
+
+
+def _noise(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> np.ndarray:
+    """Return the standard deviation of the real (and imaginary) part of each harmonic, shape of `orders`.
+
+    White residuals give sigma sqrt(2/n). A coloured residual is worse at some harmonics: the level is
+    the mean of the residual's periodogram over the nearest bins that the regression has not emptied.
+    """
+    white = fit.sigma * math.sqrt(2 / fit.n)
+    residual = np.where(np.isfinite(fit.residual), fit.residual, 0.0)
+    resolution = (time.size - 1) / (time[-1] - time[0]) / time.size
+    size = 1 << (residual.size - 1).bit_length()  # zeros behind: prime lengths are slow
+    power = np.abs(np.fft.rfft(residual, size)) ** 2 * (2 / residual.size) ** 2 / 2
+    spacing = resolution * residual.size / size
+    bins = np.arange(power.size) * spacing
+    emptied = np.zeros(power.size, dtype=bool)
+    for order in fit.orders:
+        emptied |= np.abs(bins - order * fit.frequency) < 0.6 * resolution
+    emptied[: math.ceil((1 + fit.drift.size) * resolution / spacing)] = True
+    bins, power = bins[~emptied], power[~emptied]
+    count = round(_BINS * resolution / spacing)
+    if power.size < 2 * count:
+        return np.full(orders.size, white / math.sqrt(fit.effective_fraction))
+    total = np.r_[0.0, np.cumsum(power)]
+    first = np.clip(np.searchsorted(bins, orders * fit.frequency) - count // 2, 0, power.size - count)
+    level = (total[first + count] - total[first]) / count
+    return np.asarray(np.sqrt(level))

@@ -1,0 +1,234 @@
+"""Tables beside the findings of `mre.shear`: what figures are drawn from and others can go on with. SI."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+
+from pipeline.findings import Parameter
+from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
+from pipeline.rigs.mre.model.leave_one_out import LeaveOneOut
+from pipeline.rigs.mre.model.loop import Loop, curve, drift_degree
+from pipeline.rigs.mre.model.time_fit import TimeFit
+from pipeline.rigs.mre.shear.parameters import run_metrics
+from pipeline.rigs.mre.shear.preload import PreloadTable
+from pipeline.rigs.mre.shear.residuals import METRICS, agreement, field_laws, residual_checks
+from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
+
+_POINTS, _SAMPLES, _SERIES = 256, 400, 3000
+# Beyond this many runs only the tables per run are kept, not every loop.
+_LOOPS_KEPT = 60
+# Model lines: runs whose frequency (or amplitude) differs by less than this ratio share one; how far a line goes
+# beyond its runs; points of a long and of a short one.
+_LINES, _SAME, _BEYOND = 48, 1.05, (0.85, 1.18)
+_LINE_POINTS, _STROKE_POINTS = 25, 7
+
+
+def arrays_of(
+    runs: SortedRuns,
+    fit: DynamicFit | None,
+    without: LeaveOneOut | None,
+    times: Sequence[TimeFit],
+    preloads: PreloadTable | None,
+    parameters: Sequence[Parameter],
+) -> dict[str, pd.DataFrame]:
+    """Return the tables that there are, by name."""
+    tables = {
+        "runs": _runs(runs, fit, without),
+        "loops": _loops(runs, fit),
+        "samples": _samples(runs),
+        "half_cycles": _half_cycles(runs),
+        "residual_harmonics": _residual_harmonics(fit),
+        "correlation": _correlation(fit, times),
+        "model_lines": _model_lines(fit),
+        "series": _series(times),
+        "preload_states": _preload_states(preloads),
+        "agreement": agreement(runs, fit),
+        "residual_checks": residual_checks(fit, times),
+        "field_laws": field_laws(parameters),
+    }
+    return {name: table for name, table in tables.items() if len(table)}
+
+
+def _runs(runs: SortedRuns, fit: DynamicFit | None, without: LeaveOneOut | None) -> pd.DataFrame:
+    rows = []
+    for usable in runs.usable:
+        row: dict[str, float | str | None] = {
+            "run": usable.run,
+            "kind": usable.excitation.kind,
+            "frequency": usable.excitation.frequency,
+            "current": usable.current,
+            "preload": usable.preload,
+            "sequence": usable.sequence,
+            "samples": usable.series.time.size,
+        }
+        if usable.loop is not None:
+            row |= {"frequency": usable.loop.frequency, "cycles": usable.loop.duration * usable.loop.frequency}
+            row |= {"force_noise": usable.loop.sigma_f, "displacement_noise": usable.loop.sigma_x}
+            for metric in run_metrics(usable, fit):
+                row |= {metric.name: metric.value, f"{metric.name}_low": (metric.ci95 or (None, None))[0]}
+                row |= {f"{metric.name}_high": (metric.ci95 or (None, None))[1]}
+        if fit is not None and usable.run in fit.chi2_by_run:
+            row |= {"chi2_reduced": fit.chi2_by_run[usable.run], "gain": fit.gain_by_run[usable.run]}
+            row |= {"nrmse": fit.nrmse_by_run[usable.run]}
+            if without is not None:
+                row |= {"prediction_nrmse": without.prediction_nrmse.get(usable.run)}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _loops(runs: SortedRuns, fit: DynamicFit | None) -> pd.DataFrame:
+    parts = []
+    for usable in runs.loops[:_LOOPS_KEPT]:
+        assert usable.loop is not None
+        loop = usable.loop
+        model, residual = _modelled(fit, loop)
+        x, F = curve(loop.X, _POINTS), curve(loop.F, _POINTS)
+        part = {"run": loop.run, "displacement": x, "force": F, "model": model, "residual": residual}
+        parts.append(pd.DataFrame(part))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def _modelled(fit: DynamicFit | None, loop: Loop) -> tuple[np.ndarray | float, np.ndarray | float]:
+    """Return one cycle of the model and of the residual, harmonics that are no data (mains) left out of it."""
+    if fit is None or all(other.run != loop.run for other in fit.loops):
+        return float("nan"), float("nan")
+    F = fit.predicted(loop)
+    return curve(F, _POINTS), curve(np.where(loop.kept, loop.F - F, 0.0), _POINTS)
+
+
+def _samples(runs: SortedRuns) -> pd.DataFrame:
+    parts = []
+    for usable in runs.loops[:_LOOPS_KEPT]:
+        assert usable.loop is not None
+        series = usable.series
+        step = max(series.time.size // _SAMPLES, 1)
+        x = _without_drift(series.time, series.x, usable.loop.X, usable.loop)[::step]
+        F = _without_drift(series.time, series.F, usable.loop.F, usable.loop)[::step]
+        parts.append(pd.DataFrame({"run": usable.run, "displacement": x, "force": F}))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def _without_drift(time: np.ndarray, values: np.ndarray, harmonics: np.ndarray, loop: Loop) -> np.ndarray:
+    """Return the samples less the slow drift that the regression of the loop takes out as well."""
+    phase = loop.omega * (time - time[0])
+    steady = np.zeros(time.size)
+    for order, coefficient in enumerate(harmonics, 1):
+        steady += (coefficient * np.exp(1j * order * loop.omega * time[0]) * np.exp(1j * order * phase)).real
+    drift = np.polynomial.Polynomial.fit(time, values - steady, drift_degree(loop.frequency * loop.duration))
+    return np.asarray(values - drift(time))
+
+
+def _half_cycles(runs: SortedRuns) -> pd.DataFrame:
+    parts = []
+    for usable in runs.half_cycles[:_LOOPS_KEPT]:
+        step = max(usable.series.time.size // _SERIES, 1)
+        x, F = usable.series.x[::step], usable.series.F[::step]
+        parts.append(pd.DataFrame({"run": usable.run, "displacement": x - x[0], "force": F - F[0]}))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def _residual_harmonics(fit: DynamicFit | None) -> pd.DataFrame:
+    """Return the misfit of each harmonic over its standard deviation, real and imaginary part."""
+    if fit is None:
+        return pd.DataFrame()
+    from pipeline.rigs.mre.model.loop_noise import effective_sd
+
+    parts = []
+    for loop in fit.loops:
+        error = ((loop.F - fit.predicted(loop)) / effective_sd(loop))[loop.kept]
+        order = np.arange(1, loop.F.size + 1)[loop.kept]
+        parts.append(pd.DataFrame({"run": loop.run, "order": order, "real": error.real, "imaginary": error.imag}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _correlation(fit: DynamicFit | None, times: Sequence[TimeFit]) -> pd.DataFrame:
+    source = fit if fit is not None else times[0] if times else None
+    if source is None:
+        return pd.DataFrame()
+    table = pd.DataFrame(source.correlation, columns=list(source.names))
+    table.insert(0, "name", list(source.names))
+    table["condition"] = source.condition
+    return table
+
+
+def _model_lines(fit: DynamicFit | None) -> pd.DataFrame:
+    """Return what the model says around the runs: over the frequency at their amplitude, and the other way round.
+
+    Runs of one current that differ in `over` alone share a line. Beyond `_LINES` of them there is one line
+    a current, at the median of what is held (`own` is false then).
+    """
+    if fit is None or fit.rejected:
+        return pd.DataFrame()
+    levels = np.array(fit.levels or (0.0,))
+    runs = pd.DataFrame(
+        {
+            "current": [levels[np.abs(levels - (loop.current or 0.0)).argmin()] for loop in fit.loops],
+            "frequency": [loop.frequency for loop in fit.loops],
+            "amplitude": [loop.amplitude for loop in fit.loops],
+        }
+    )
+    rows = []
+    for over, held in (("frequency", "amplitude"), ("amplitude", "frequency")):
+        order = runs.sort_values(["current", held])
+        lines = [part for _, level in order.groupby("current") for part in _alike(level, held)]
+        own = len(lines) <= _LINES
+        if not own:
+            lines = [level for _, level in order.groupby("current")]
+        for number, part in enumerate(lines):
+            low, high = (_BEYOND[0] * part[over].min(), _BEYOND[1] * part[over].max())
+            points = _LINE_POINTS if high > 3 * low else _STROKE_POINTS
+            current, kept = float(part["current"].iloc[0]), float(part[held].median())
+            for value in np.geomspace(low, high, points).tolist():
+                at = {held: kept, over: value}
+                found = fit.loop_at(at["amplitude"], at["frequency"], current)
+                metrics = {name: found[name] for name in METRICS}
+                rows.append({"over": over, "line": number, "own": own, "current": current, **at, **metrics})
+    return pd.DataFrame(rows)
+
+
+def _alike(runs: pd.DataFrame, held: str) -> list[pd.DataFrame]:
+    """Part sorted runs so that `held` is the same within `_SAME` in each part, however close its neighbours lie."""
+    starts = [0]
+    values = runs[held].to_numpy(float)
+    for place, value in enumerate(values):
+        if value > _SAME * values[starts[-1]]:
+            starts.append(place)
+    return [runs.iloc[a:b] for a, b in pairwise([*starts, len(runs)])]
+
+
+def _series(times: Sequence[TimeFit]) -> pd.DataFrame:
+    """Return a stretch in the middle of the second half of each record, every sample, and the whole thinned."""
+    parts = []
+    for fit in times:
+        for run, series in fit.series.items():
+            n = series["time"].size
+            start = min(int(0.75 * n), max(n - _SERIES, 0))
+            part = pd.DataFrame({name: values[start : start + _SERIES] for name, values in series.items()})
+            part.insert(0, "run", run)
+            parts.append(part)
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def _preload_states(preloads: PreloadTable | None) -> pd.DataFrame:
+    rows = []
+    for state in preloads.states if preloads is not None else ():
+        rows.append(
+            {
+                "preload": state.preload,
+                "current": state.current,
+                "frequency": state.frequency,
+                "runs": ", ".join(state.runs),
+                "amplitude": state.amplitude,
+                "force_amplitude": state.force_amplitude,
+                "equal_amplitude": state.equal_amplitude,
+                "secant": state.secant.value,
+                "secant_error": state.secant.std_error,
+                "secant_equal": state.secant_equal.value,
+                "secant_equal_error": state.secant_equal.std_error,
+            }
+        )
+    return pd.DataFrame(rows)

@@ -1,0 +1,57 @@
+"""Does the stiffness change with the order of the runs (heating, Mullins effect, relaxation; mre.md section 8)?"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
+from pipeline.rigs.mre.model.harmonic_fit import FitOptions
+from pipeline.rigs.mre.shear.linearised import Linearised
+from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
+
+_FEWEST = 6
+# A trend is told that chance brings about in less than this share of campaigns, and only from this size on.
+_CHANCE, _LEAST = 1e-3, 2e-3
+
+
+def say_trend(runs: SortedRuns, fit: DynamicFit) -> str:
+    """Say by how much the force changes from the first to the last run of `fit`; an empty text for no trend."""
+    by_name = {usable.run: usable for usable in runs.loops}
+    used = [by_name[loop.run] for loop in fit.loops if loop.run in by_name]
+    if len(used) < _FEWEST or len(used) < len(fit.loops):
+        return ""
+    place, order = _order(used)
+    if len(set(place)) < _FEWEST:
+        return ""
+    # An untared mass changes the force with frequency, in which order runs are often made: it is not taken for a trend.
+    test = Linearised(fit, FitOptions().scatter_cap, mass=True).test_trend(place - place.mean())
+    total, sd = (float(part[0] * np.ptp(place)) for part in (test.coefficients, test.std_error))
+    if not (test.chance < _CHANCE and abs(total) > _LEAST):
+        return ""
+    doubt = (
+        f"Stiffness changes by {100 * total:+.1f} +- {100 * sd:.1g} % from the first to the last run ({order}; {100 * test.scatter:.2g} % of scatter "
+        "is left beside that trend): heating, Mullins effect or relaxation. Bracket the campaign with repeated runs at 0 A; "
+        "intervals do not hold this trend."
+    )
+    runs.say("warning", None, doubt, "force")
+    return doubt
+
+
+def _order(used: Sequence[UsableRun]) -> tuple[np.ndarray, str]:
+    """Return the place of each run in the order in which they were made, and what tells it."""
+    sequence = [usable.sequence for usable in used if usable.sequence is not None]
+    if len(sequence) == len(used):
+        return np.array(sequence), "in the order of 'sequence_index'"
+    begins = [usable.begins for usable in used if usable.begins is not None]
+    if len(begins) == len(used):
+        return np.argsort(np.argsort(begins)).astype(float), "in the order of the times at which the logs begin"
+    names = sorted((usable.run for usable in used), key=_natural)
+    return np.array([float(names.index(usable.run)) for usable in used]), "in the order of their names"
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """Return a key that sorts run 2 before run 10."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
