@@ -48,6 +48,13 @@ class AlignedRun:
         Nominal speed of the output shaft while locked, rad/s, as measured.
     offset_in, offset_out
         What was taken off.
+    free
+        Every stretch where the load turns forward with a free brake: what sets it in motion (`startup`, `release`),
+        start and end, s. Empty where only `stages` are known.
+    gaps
+        Where the encoder told nothing or lost counts, s: the angle has a break across them.
+    rate_sd
+        Board (`encoder`, `vibration`) -> relative standard uncertainty of its clock's rate against that of the torques.
     """
 
     run: str
@@ -61,6 +68,9 @@ class AlignedRun:
     speed_nominal: float = np.nan
     offset_in: ZeroOffset = field(default_factory=ZeroOffset)
     offset_out: ZeroOffset = field(default_factory=ZeroOffset)
+    free: tuple[tuple[str, float, float], ...] = ()
+    gaps: tuple[Span, ...] = ()
+    rate_sd: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def slow(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -77,6 +87,10 @@ class AlignedRun:
     def angle_at(self, time: np.ndarray) -> np.ndarray:
         """Return the output shaft's angle at `time`, rad, same shape; held beyond the ends."""
         return np.asarray(np.interp(time, self.angle_time, self.angle))
+
+    def whole(self, start: float, end: float) -> bool:
+        """Tell whether the encoder was read without a loss between `start` and `end`, s."""
+        return not any(first < end and last > start for first, last in self.gaps)
 
     def has(self, *stages: str) -> bool:
         """Tell whether all these stages were found."""

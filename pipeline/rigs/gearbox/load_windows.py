@@ -57,6 +57,8 @@ class Windows:
         Which windows lie inside a steady stretch, shape (n,).
     offset_error
         Standard error of the zero offset of torque_out, N m: common to all rows.
+    start
+        From when on a drift of this run's torque is taken out with a straight line, s; None where none is.
     """
 
     run: str
@@ -66,10 +68,21 @@ class Windows:
     place: np.ndarray
     calm: np.ndarray
     offset_error: float
+    start: float | None = None
+
+    @property
+    def drift(self) -> np.ndarray:
+        """Column of a torque that drifts by 1 N m/s, shape (n, 1); (n, 0) where this run is taken to be steady."""
+        if self.start is None:
+            return np.zeros((self.time.size, 0))
+        return MEAN * WINDOW * (self.time - self.start)[:, None]
 
     def part(self, span: Span) -> Windows:
         """Return the windows whose centre lies inside `span`."""
-        kept = (self.time >= span[0]) & (self.time <= span[1])
+        return self.where((self.time >= span[0]) & (self.time <= span[1]))
+
+    def where(self, kept: np.ndarray) -> Windows:
+        """Return the windows for which `kept`, shape (n,), is true."""
         return replace(
             self,
             columns=self.columns[kept],
@@ -89,11 +102,21 @@ class Windows:
         """Return C^-1 `columns`, shape (n, k), for the covariance C of a common offset and equal, independent noise.
 
         The noise is as large as the correlated one is for means; its measured correlation itself is too rough
-        to be inverted (and is all but singular).
+        to be inverted (and is all but singular). A drift is projected out, so that its size does not matter.
         """
         level = noise.long_run or 1.0
         pull = self._common / (level + self.torque.size * self._common)
-        return np.asarray((columns - pull * columns.sum(axis=0)) / level)
+        found = np.asarray((columns - pull * columns.sum(axis=0)) / level)
+        if self.start is None:
+            return found
+        drift = self.drift
+        own = (drift - pull * drift.sum(axis=0)) / level
+        return found - own @ np.linalg.solve(drift.T @ own, own.T @ columns)
+
+    def residual(self, values: np.ndarray) -> np.ndarray:
+        """Return what J_L, d0, d1 (shape (3,)) leave over, and the run's own drift with them, N m s, shape (n,)."""
+        rest = self.torque - self.columns @ values
+        return rest - self.drift @ np.linalg.lstsq(self.drift, rest, rcond=None)[0] if self.start is not None else rest
 
     @property
     def _common(self) -> float:
@@ -101,20 +124,43 @@ class Windows:
 
 
 def free_spans(run: AlignedRun) -> dict[str, Span]:
-    """Return the stretches where the load turns forward with a free brake: `startup` and `release`, s."""
-    spans = {}
+    """Return the first stretches where the load turns forward with a free brake: `startup` and `release`, s."""
+    spans: dict[str, Span] = {}
+    for name, span in free_stretches(run):
+        spans.setdefault(name, span)
+    return spans
+
+
+def free_stretches(run: AlignedRun) -> list[tuple[str, Span]]:
+    """Return every stretch where the load turns forward with a free brake, in the order of time.
+
+    Each is named after what sets the load in motion (`startup`, `release`), or `steady` where it runs on after
+    another load was taken off. A stretch ends where the brake comes on: FOS under load is none.
+    """
+    spans = []
+    for name, first, end in run.free or _free_stages(run):
+        begin = first
+        if name == "startup":
+            # The first edge of the counter may be late by one count: start when a twentieth turn is done.
+            started = run.angle - run.angle_at(np.array([first]))[0] > 2 * math.pi / 20
+            moving = run.angle_time[started & (run.angle_time >= first)]
+            begin = float(moving[0]) if moving.size else end
+        elif name == "release":
+            begin = first + BRAKE_FADES
+        if end - 0.05 - begin > WINDOW:
+            spans.append((name, (begin, end - 0.05)))
+    return spans
+
+
+def _free_stages(run: AlignedRun) -> list[tuple[str, float, float]]:
+    """Return the free stretches of a run of one brake cycle from its stages alone."""
+    found = []
     if run.has("startup", "fos"):
-        first = run.stages["startup"][0]
-        # The first edge of the counter may be late by one count: start when a twentieth turn is done.
-        started = run.angle - run.angle_at(np.array([first]))[0] > 2 * math.pi / 20
-        moving = run.angle_time[started & (run.angle_time >= first)]
         end = run.events.get("brake_onset", run.stages["fos"][1])
-        if moving.size:
-            spans["startup"] = (float(moving[0]), end - 0.05)
+        found.append(("startup", run.stages["startup"][0], min(end, run.stages["fos"][1])))
     if run.has("release"):
-        start = run.stages["release"][0] + BRAKE_FADES
-        spans["release"] = (start, run.stages.get("fos_after", run.stages["release"])[1] - 0.05)
-    return {name: span for name, span in spans.items() if span[1] - span[0] > WINDOW}
+        found.append(("release", run.stages["release"][0], run.stages.get("fos_after", run.stages["release"])[1]))
+    return found
 
 
 def modulated(run: AlignedRun, steady: Sequence[Span]) -> Windows | None:
@@ -137,8 +183,10 @@ def modulated(run: AlignedRun, steady: Sequence[Span]) -> Windows | None:
         inside = np.concatenate([np.arange(time.size)[within(time, span)] for span in steady])
         torque = torque - learn(angle[inside], torque[inside]).at(angle)
     rows, torques, centres = [], [], []
-    for span in free_spans(run).values():
+    for _, span in free_stretches(run):
         for start in np.arange(span[0], span[1] - WINDOW, HOP):
+            if not run.whole(start, start + WINDOW):
+                continue
             row = _row(run.angle_time, run.angle, start)
             value = _weighted_torque(time, torque, start)
             if row is not None and value is not None:
