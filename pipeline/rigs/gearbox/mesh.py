@@ -14,6 +14,7 @@ import numpy as np
 
 from pipeline.rigs.gearbox.aligned_run import Span, within
 from pipeline.rigs.gearbox.comb import Comb, in_band, thinned
+from pipeline.rigs.gearbox.phase_track import Track, follow
 
 # Mesh 2, its double, mesh 1, its double, per turn of slip (fact sheet 5.5).
 ORDERS = (40.0, 80.0, 140.0, 280.0)
@@ -114,16 +115,26 @@ def input_speed(
     pieces = np.array([Comb.of([s[i : i + length] for s in signals], rate, used).best(wide)[0] for i in starts])
     if max(contrast, coarse.contrast_at(rough)) < LEAST_CONTRAST:
         return None
-    own = fine.resolution(contrast)
-    scatter = float(pieces.std(ddof=1)) if pieces.size > 2 else math.inf
-    piece_error = fine.resolution(contrast) * len(starts) ** 1.5
-    wander = math.sqrt(max(scatter**2 - piece_error**2, 0.0)) if math.isfinite(scatter) else 0.0
-    if wander > piece_error:
-        # The lines are smeared: the mean of the pieces tells the mean speed, the sharpest line does not.
-        return MeshSpeed(
-            float(pieces.mean()), scatter / math.sqrt(pieces.size), pieces.size - 1, contrast, wander, tuple(used)
-        )
-    return MeshSpeed(speed, own, math.inf, contrast, wander, tuple(used))
+    track = _tracked(signals, rate, used, pieces, speed, length)
+    if track is None or track.steady:
+        return MeshSpeed(speed, fine.resolution(contrast), math.inf, contrast, 0.0, tuple(used))
+    # What lies outside the track is a share of the stage whose speed may be off by the wander.
+    outside = 1.0 - (track.span[1] - track.span[0]) / (span[1] - span[0])
+    error = math.hypot(track.std_error, outside * track.wander)
+    return MeshSpeed(track.rate, error, track.dof, contrast, track.wander, tuple(used))
+
+
+def _tracked(
+    signals: Sequence[np.ndarray], rate: float, orders: Sequence[float], pieces: np.ndarray, speed: float, length: int
+) -> Track | None:
+    """Return the mean speed by the phases of the lines; None where they do not stand out of a single piece."""
+    size = signals[0].size
+    centres = (np.arange(pieces.size) + 0.5) * length
+    # A speed within half a line width is one: the phases tell it better than the pieces do.
+    width = 2 * math.pi * rate / (length * max(orders))
+    steady = np.abs(pieces - speed).max() < width
+    guess = np.full(size, speed) if steady else np.interp(np.arange(size), centres, pieces)
+    return follow(signals, rate, orders, guess, length / rate)
 
 
 def slip_ridge(

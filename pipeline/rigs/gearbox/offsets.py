@@ -56,25 +56,34 @@ class Offset:
         return tuple(level for level in (self.before, self.after) if level is not None)
 
     @property
+    def _weights(self) -> tuple[float, ...]:
+        """Shares of both ends: as long as each tells, not as its own error says, which may be small by chance."""
+        parts = [1.0 if self.drifts else level.dof for level in self._known]
+        return tuple(part / sum(parts) for part in parts)
+
+    @property
     def value(self) -> float:
         """Zero of the run as one number, N m: the weighted mean, of a drifting one the mean of both ends."""
-        weight = [1.0 if self.drifts else level.sd**-2 for level in self._known]
-        return sum(w * level.value for w, level in zip(weight, self._known, strict=True)) / sum(weight)
+        return sum(w * level.value for w, level in zip(self._weights, self._known, strict=True))
 
     @property
     def sd(self) -> float:
         """Standard error of the zero, N m; a drift adds the spread that a straight line between the ends leaves open."""
         levels = self._known
         if not self.drifts:
-            return 1.0 / math.sqrt(sum(level.sd**-2 for level in levels))
+            return math.hypot(*(w * level.sd for w, level in zip(self._weights, levels, strict=True)))
         # Within a straight drift anything may have happened: an even spread over half of it.
         spread = abs(levels[1].value - levels[0].value) / math.sqrt(12.0)
         return math.hypot(max(level.sd for level in levels), 0.5 * spread)
 
     @property
     def dof(self) -> float:
-        """Degrees of freedom of `sd`."""
-        return min(level.dof for level in self._known)
+        """Degrees of freedom of `sd` (Welch-Satterthwaite)."""
+        levels = self._known
+        if self.drifts:
+            return min(level.dof for level in levels)
+        parts = [(w * level.sd) ** 4 / level.dof for w, level in zip(self._weights, levels, strict=True)]
+        return self.sd**4 / sum(parts)
 
     def at(self, time: np.ndarray) -> np.ndarray:
         """Return what to take off at `time`, N m, same shape."""
@@ -210,10 +219,10 @@ def _level(record: Record, name: str, stretch: Stage) -> Level | None:
         return None
     time, level = block_means(part.time, part[name], max(round(part.rate * _BLOCK), 1))
     independent = effective_size(level)
-    sd = float(np.std(level, ddof=1)) / math.sqrt(max(independent, 1.0))
-    return Level(
-        0.5 * (float(time[0]) + float(time[-1])), float(level.mean()), max(sd, 1e-9), max(independent - 1.0, 1.0)
-    )
+    sd = float(np.std(level)) / math.sqrt(max(independent - 1.0, 1.0))
+    # The correlation time is estimated too, and scatters more than the variance (Sokal 1997, eq. 3.19).
+    dof = max(independent / 3.0, 1.0)
+    return Level(0.5 * (float(time[0]) + float(time[-1])), float(level.mean()), max(sd, 1e-9), dof)
 
 
 def _running(record: Record, segmentation: Segmentation) -> float:
