@@ -64,6 +64,7 @@ class ModelResult(_Strict):
     n_parameters: int
     n_data: int
     rms_residual: Number = None
+    unit: str = Field("", description="SI unit of rms_residual")
     nrmse: Number = Field(None, description="rms residual over rms of the measured signal about its mean")
     chi2_reduced: Number = None
     aicc: Number = None

@@ -34,15 +34,24 @@ def models_table(models: Sequence[ModelResult]) -> TableView:
         value = getattr(model, name)
         return None if value is None else value - least[model.family, name]
 
+    units = {m.unit for m in models if m.rms_residual is not None and m.unit}
+    shared = next(iter(units)) if len(units) == 1 else ""
+
+    def residual(model: ModelResult) -> Cell:
+        if shared or model.rms_residual is None or not model.unit:
+            return model.rms_residual
+        read = reading_unit(model.unit, model.rms_residual)
+        return f"{plain(read.read(model.rms_residual), 3)} {read.name}"
+
     columns = [
-        Column("Of"), Column("Model"), Column("Parameters"), Column("Data"), Column("rms residual (SI)", "1"),
+        Column("Of"), Column("Model"), Column("Parameters"), Column("Data"), Column("rms residual", shared or ("" if units else "1")),
         Column("NRMSE", "%"), Column("χ² reduced", "1"), Column("ΔAICc", "1"), Column("ΔBIC", "1"),
         Column("Error on runs left out", "%"), Column("What it is"),
     ]  # fmt: skip
     rows: list[list[Cell]] = [
         [
             clean(m.family), Markup("<b>{}</b> {}").format(clean(m.name), badge(Status("selected", "ok"))) if m.selected else clean(m.name),
-            m.n_parameters, m.n_data, m.rms_residual, m.nrmse, m.chi2_reduced, above(m, "aicc"),
+            m.n_parameters, m.n_data, residual(m), m.nrmse, m.chi2_reduced, above(m, "aicc"),
             above(m, "bic"), m.cv_error, clean(m.description),
         ]
         for m in models

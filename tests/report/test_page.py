@@ -14,6 +14,7 @@ import pytest
 
 from pipeline.findings import Findings, ModelResult, Parameter, Published, Quality, Run
 from pipeline.findings.figures import Axis, Column, Figure, Line, Panel, Section, Table, Text, Value
+from pipeline.report.accounts import models_table
 from pipeline.report.chapters import chapters
 from pipeline.report.citation import bibtex, citation
 from pipeline.report.index import IndexEntry, index_entry, render_index
@@ -137,6 +138,23 @@ def test_screen_readers_find_their_way(page):
     headings = [int(tag[1]) for tag in tags if re.fullmatch(r"h[1-6]", tag)]
     assert headings[0] == 1
     assert all(later - earlier <= 1 for earlier, later in pairwise(headings))
+
+
+@pytest.mark.parametrize(
+    ("second", "unit", "cells"),
+    [("m", "nm", ["120", "340"]), ("N/m", "", ["120 nm", "2 kN/m"])],
+)
+def test_residuals_of_models_are_told_with_their_units(second: str, unit: str, cells: list[str]) -> None:
+    models = [
+        ModelResult(name="bump", n_parameters=5, n_data=100, rms_residual=1.2e-7, unit="m"),
+        ModelResult(
+            name="other", n_parameters=2, n_data=80, rms_residual=3.4e-7 if second == "m" else 2e3, unit=second
+        ),
+    ]
+    view = models_table(models)
+    place = [head.text for head in view.heads].index("rms residual")
+    assert view.heads[place].unit == unit
+    assert [str(row[place].text).strip() for row in view.rows] == cells
 
 
 def hostile_findings() -> Findings:

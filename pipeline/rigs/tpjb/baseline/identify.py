@@ -235,6 +235,7 @@ def _model(name: str, found: MassAndSpring, ratios: Ratios, selected: bool) -> M
         n_parameters=k,
         n_data=n,
         rms_residual=float(np.sqrt(np.mean(found.residual**2))),
+        unit="kg",
         chi2_reduced=found.chi2 / found.dof if found.dof else None,
         bic=candidate.bic,
         aicc=candidate.aicc,

@@ -121,6 +121,7 @@ def _models(fit: BearingFit, bearing: str) -> list[ModelResult]:
             n_parameters=n + 1,
             n_data=int(top.sum()),
             rms_residual=misfit,
+            unit="m",
             nrmse=misfit / size,
             description="distance of the orbit at the largest force from the polygon, plane with the lowest number",
         )
@@ -138,6 +139,7 @@ def _models(fit: BearingFit, bearing: str) -> list[ModelResult]:
                 n_parameters=k,
                 n_data=n_data,
                 rms_residual=float(np.sqrt(np.mean(off**2))),
+                unit="m",
                 nrmse=float(np.sqrt(2 * np.mean(off**2))) / size,
                 chi2_reduced=fit.contact.chi2_reduced,
                 bic=fit.contact.fit.chi2 + k * math.log(n_data),

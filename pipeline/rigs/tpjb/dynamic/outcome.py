@@ -162,6 +162,7 @@ def _model(solution: Solution, entry: Coefficient, law: Law) -> ModelResult:
         n_parameters=law.degree + 1,
         n_data=r.size,
         rms_residual=float(np.sqrt(np.mean(left**2))),
+        unit=_SPEC[entry.name].unit,
         chi2_reduced=law.chi2 / law.dof if law.dof else None,
         bic=candidate.bic,
         aicc=candidate.aicc,

@@ -200,6 +200,7 @@ def models_of(groups: Sequence[LoadGroup], main: LoadGroup | None) -> list[Model
                     n_parameters=fit.size,
                     n_data=fit.n_data,
                     rms_residual=fit.rms,
+                    unit="m",
                     nrmse=fit.nrmse,
                     chi2_reduced=fit.chi2_reduced,
                     aicc=own.aicc,
