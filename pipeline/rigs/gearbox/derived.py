@@ -15,6 +15,8 @@ from pipeline.rigs.gearbox.peaks import Peak
 
 # Where the lock breaks the low-pass overshoots, and the shaft is slower than in FOS, which changes T_0: share of the peak.
 _AT_THE_EDGE = 0.01
+# Share of its speed that a drive without slip compensation may lose under load.
+_DROOP = 0.3
 NO_OFFSET = "the zero offsets are unknown: the run has no standstill"
 
 
@@ -109,6 +111,20 @@ def power(name: str, torque: Torque | None, speed: float, speed_sd: float, missi
         return undetermined(name, NO_OFFSET)
     error, dof = welch([(torque.std_error * speed, torque.dof), (torque.value * speed_sd, math.inf)])
     return estimate(name, torque.value * speed, error, dof=dof)
+
+
+def power_assumed(name: str, torque: Torque | None, speed: float, missing: str) -> Estimate:
+    """Return torque times a speed that nobody measured, W: an upper limit, and how far below it the truth may lie.
+
+    A drive without slip compensation loses up to tens of percent of its speed under load (gearbox.md, 4.4) and
+    does not gain any: the interval goes from 0.7 of the speed to the whole of it, the torque's own added.
+    """
+    full = power(name, torque, speed, 0.0, missing)
+    if full.value is None or full.ci95 is None:
+        return full
+    low, high = full.ci95
+    error = math.hypot(full.std_error or 0.0, _DROOP * full.value / math.sqrt(12.0))
+    return Estimate(name, full.value, error, ((1.0 - _DROOP) * low, high), dof=full.dof)
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,12 @@ ORDERS = (40.0, 80.0, 140.0, 280.0)
 # place with probability below exp(-4 (8 - 1 - ln 8)) = 3e-9 for four lines (Chernoff's bound).
 LEAST_CONTRAST = 8.0
 
-_SEARCH = (0.85, 1.05)
+# Where the input speed is sought, in nominal speeds: near it (fact sheet 5.5), else where a drive without slip
+# compensation may droop to (4.4).
+_NEAR, _DROOPED = (0.85, 1.05), (0.6, 0.86)
 # Speed within the stage: pieces of this length, s, tell whether it wanders.
 _PIECE = 1.0
-# A piece may differ from the whole by this share of the nominal speed.
+# A piece may differ from the whole by this share.
 _WANDER = 0.02
 
 
@@ -81,7 +83,7 @@ def input_speed(
     span
         The stage, s; `guard` is left out at both ends.
     nominal
-        Where to look: 0.85 to 1.05 of it, rad/s.
+        Where to look: 0.85 to 1.05 of it, else down to 0.6 of it, rad/s.
     orders
         Mesh lines per turn of slip.
 
@@ -94,14 +96,22 @@ def input_speed(
     if t.size < 256 or t[-1] - t[0] < 0.5:
         return None
     rate = (t.size - 1) / float(t[-1] - t[0])
-    used = in_band(orders, rate, _SEARCH[1] * nominal)
-    if len(used) < 2:
-        return None
+    used = in_band(orders, rate, _NEAR[1] * nominal)
     signals = [values[part] for values in channels.values() if np.ptp(values[part]) > 0]
-    if not signals:
+    if len(used) < 2 or not signals:
         return None
-    limits = (_SEARCH[0] * nominal, _SEARCH[1] * nominal)
-    signals, rate = thinned(signals, rate, max(used) * limits[1])
+    signals, rate = thinned(signals, rate, max(used) * _NEAR[1] * nominal)
+    for share in (_NEAR, _DROOPED):
+        found = _searched(signals, rate, used, (share[0] * nominal, share[1] * nominal), span[1] - span[0])
+        if found is not None:
+            return found
+    return None
+
+
+def _searched(
+    signals: Sequence[np.ndarray], rate: float, used: Sequence[float], limits: Span, stage: float
+) -> MeshSpeed | None:
+    """Return the slip speed within `limits` (rad/s) of a stage `stage` seconds long."""
     length = max(round(_PIECE * rate), 256)
     starts = [i * length for i in range(max(signals[0].size // length, 1))]
     coarse = Comb.of([signal[start : start + length] for start in starts for signal in signals], rate, used)
@@ -111,15 +121,15 @@ def input_speed(
     near = (max(rough - 2 * step, limits[0]), min(rough + 2 * step, limits[1]))
     speed, contrast = fine.best(near)
     speed = fine.sharpened(speed)
-    wide = (max(rough - _WANDER * nominal, limits[0]), min(rough + _WANDER * nominal, limits[1]))
-    pieces = np.array([Comb.of([s[i : i + length] for s in signals], rate, used).best(wide)[0] for i in starts])
     if max(contrast, coarse.contrast_at(rough)) < LEAST_CONTRAST:
         return None
+    wide = ((1 - _WANDER) * rough, (1 + _WANDER) * rough)
+    pieces = np.array([Comb.of([s[i : i + length] for s in signals], rate, used).best(wide)[0] for i in starts])
     track = _tracked(signals, rate, used, pieces, speed, length)
     if track is None or track.steady:
         return MeshSpeed(speed, fine.resolution(contrast), math.inf, contrast, 0.0, tuple(used))
     # What lies outside the track is a share of the stage whose speed may be off by the wander.
-    outside = 1.0 - (track.span[1] - track.span[0]) / (span[1] - span[0])
+    outside = 1.0 - (track.span[1] - track.span[0]) / stage
     error = math.hypot(track.std_error, outside * track.wander)
     return MeshSpeed(track.rate, error, track.dof, contrast, track.wander, tuple(used))
 

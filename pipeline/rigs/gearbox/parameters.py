@@ -10,7 +10,7 @@ from pipeline.findings import ModelResult, Parameter
 from pipeline.findings.findings import OperatingPoint
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
 from pipeline.rigs.gearbox.declaration import PARAMETERS, LoadExchangeSettings
-from pipeline.rigs.gearbox.derived import NO_OFFSET, difference, power, ratio, share
+from pipeline.rigs.gearbox.derived import NO_OFFSET, difference, power, power_assumed, ratio, share
 from pipeline.rigs.gearbox.friction_fit import Curve, slip_torque_by_input
 from pipeline.rigs.gearbox.inertia import NAMES, LoadFit
 from pipeline.rigs.gearbox.nominal import type_b
@@ -232,14 +232,17 @@ def _shares(run: RunNumbers) -> list[Parameter]:
     found.append(difference("breakaway_rise_in", peak, fos, no_peak if peak is None else _NO_FOS))
     found.append(ratio("efficiency_fos", run.level("torque_out", "fos"), fos, _NO_FOS))
     found.append(ratio("torque_ratio_sos", run.level("torque_out", "sos"), sos, _NO_SOS))
-    speed = run.speed_in
-    value, error = (speed.value, speed.std_error) if speed else (math.nan, math.nan)
-    missing = _NO_SOS if sos is None else "the input speed in SOS is not known"
-    one = power("power_dissipated_sos", sos, value, 0.0 if math.isnan(error) else error, missing)
-    if one.determined and math.isnan(error):
-        one = Estimate(one.name, one.value)  # an assumed speed has no interval
     told = [parameter(each, at) for each in found]
-    return [*told, parameter(one, at, speed.told if speed and one.determined else "")]
+    speed = run.speed_in
+    missing = _NO_SOS if sos is None else "the input speed in SOS is not known"
+    if speed is None:
+        return [*told, parameter(undetermined("power_dissipated_sos", missing), at)]
+    if speed.source == "nominal":
+        one = power_assumed("power_dissipated_sos", sos, speed.value, missing)
+        remark = f"{speed.told}: an upper limit, the interval allows for 30 % less speed"
+    else:
+        one, remark = power("power_dissipated_sos", sos, speed.value, speed.std_error, missing), speed.told
+    return [*told, parameter(one, at, remark if one.determined else "")]
 
 
 def _no_peak(run: RunNumbers, quantity: str, stage: str) -> str:
@@ -262,7 +265,7 @@ def _speeds(run: RunNumbers) -> list[Parameter]:
     if speed.source == "nominal":
         reason = f"{speed.told}: {speed.value:.4g} rad/s, neither measured nor seen in the vibration"
         return [parameter(out, at, method="slope of the counts"), parameter(undetermined("speed_in_sos", reason), at)]
-    own = estimate("speed_in_sos", speed.value, speed.std_error)
+    own = estimate("speed_in_sos", speed.value, speed.std_error, dof=speed.dof)
     return [parameter(out, at, method="slope of the counts"), parameter(own, at, speed.told, speed.source)]
 
 
