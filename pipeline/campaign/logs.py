@@ -1,7 +1,8 @@
 """Which files are the logs of a campaign, and which of them make up one run.
 
 ``<run>.csv`` is a run; ``<run>.<table>.csv`` with a table named in lower case (``r1.device.csv``,
-``r1.bench.csv``) are the streams of one run, each with its own clock.
+``r1.usb6009.csv``) are the streams of one run, each with its own clock. Endings that only count
+(``a.run1.csv``, ``a.run2.csv``) are runs.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pipeline.recording import QualityFinding
 RUNS_TABLE = "runs.csv"
 # What lies beside logs without being one: notes, pictures, what version control keeps.
 _BESIDE = {".md", ".pdf", ".jpg", ".jpeg", ".png", ".doc", ".docx", ".dvc", ".yaml", ".yml", ".html", ".rst"}
-_TABLE = re.compile(r"^(.+)\.([a-z][a-z_]{2,})$")
+_TABLE = re.compile(r"^(.+)\.([a-z]{2}[a-z0-9_]+)$")
 
 
 @dataclass(frozen=True)
@@ -79,10 +80,16 @@ def as_given(paths: Sequence[Path]) -> list[Path]:
 
 def runs_of(paths: Sequence[Path]) -> list[RunFiles]:
     """Group logs into runs; runs that would have one name are called by their file's name, or by its folder."""
+    tables = {path: (match[1], match[2]) for path in paths if (match := _TABLE.match(path.stem))}
+    words: dict[tuple[Path, str], set[str]] = {}
+    for path, (run, table) in tables.items():
+        words.setdefault((path.parent, run), set()).add(table.rstrip("0123456789"))
     by_run: dict[tuple[Path, str], list[tuple[str, Path]]] = {}
     for path in paths:
-        match = _TABLE.match(path.stem)
-        run, table = (match[1], match[2]) if match else (path.stem, "")
+        # One word with different numbers counts runs; different words are boards, numbered or not.
+        run, table = tables.get(path, (path.stem, ""))
+        if table[-1:].isdigit() and len(words[path.parent, run]) == 1:
+            run, table = path.stem, ""
         key = (path.parent, run if table else path.name)
         by_run.setdefault(key, []).append((table, path))
     named = [(_safe(run if files[0][0] else files[0][1].stem), files) for (_, run), files in by_run.items()]

@@ -257,8 +257,8 @@ def _unit(spec: ChannelLike, entry: ChannelMap, raw: RawChannel, where: str, not
         return entry.unit
     if raw.unit:
         return raw.unit
-    if spec.unit == "1":
-        return "1"
+    if spec.unit in ("1", "count"):
+        return spec.unit
     if entry.channel is not None and not matching(spec.name, [raw]):
         raise InputError(
             f"{where}: has no unit, neither in the log nor in the recipe. Add it to the recipe's line, under "

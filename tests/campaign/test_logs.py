@@ -41,6 +41,14 @@ def test_tables_of_one_run_are_its_streams(tmp_path: Path) -> None:
     assert [stream for stream, _ in runs[0].files] == ["bench", "device"]
 
 
+def test_boards_with_numbers_are_streams_and_counted_endings_are_runs(tmp_path: Path) -> None:
+    boards = touch(tmp_path, "b/r1.daq1.csv", "b/r1.usb6009.csv", "b/r1.phidget.csv")
+    [run] = logs.runs_of(boards)
+    assert (run.run, [stream for stream, _ in run.files]) == ("r1", ["daq1", "phidget", "usb6009"])
+    counted = touch(tmp_path, "pad.run1.csv", "pad.run2.csv", "pad.v2.csv", "lone.daq1.csv")
+    assert [run.run for run in logs.runs_of(counted)] == ["lone.daq1", "pad.run1", "pad.run2", "pad.v2"]
+
+
 def test_dots_and_capitals_in_names_do_not_make_streams(tmp_path: Path) -> None:
     paths = touch(tmp_path, "ensaio.A.1.mat", "ensaio.A.3.mat", "test.A.csv", "test.B.csv", "0.4mm.csv")
     assert [run.run for run in logs.runs_of(paths)] == ["0.4mm", "ensaio.A.1", "ensaio.A.3", "test.A", "test.B"]
