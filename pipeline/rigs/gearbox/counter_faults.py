@@ -1,21 +1,18 @@
-"""What a logged counter may be wrong in: wrap-around, spikes, jumps, direction, held values, dropouts.
+"""What a logged counter may be wrong in: wrap-around, spikes, large jumps, direction, held values.
 
-Arrays in counts only; the meaning of the motion is not looked at.
+Arrays in counts only; a counter that freezes or loses pulses is in `counter_losses`.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
+from pipeline.rigs.gearbox.counter_losses import edge_speed, usual_update
 from pipeline.rigs.gearbox.stages import Problem
 
 _MODULI = tuple(2.0**k for k in (8, 10, 12, 14, 15, 16, 20, 24, 31, 32)) + tuple(10.0**k for k in range(3, 8))
 # A step is a jump beyond this many times the step that 99 % stay below, plus a few counts.
 _JUMP, _SLACK = 4.0, 6.0
-# A stop is none where the shaft runs this close to top speed until the last and from the first count on.
-_SHARP, _BESIDE, _USUAL = 0.7, 5, 60
 _LEAST_COHERENCE, _SLOW_STEPS = 0.6, 5
 
 
@@ -51,29 +48,30 @@ def mended(time: np.ndarray, counts: np.ndarray, turn: float) -> tuple[np.ndarra
             steps[(steps != 0) & (np.abs(steps) <= limit)],
         )
     )
-    wraps, jumps = [], []
+    wraps, jumps = list[int](), list[int]()
     for i in np.flatnonzero(np.abs(steps) > limit):
-        step = steps[i]
-        modulus = next((m for m in (*_MODULI, turn) if abs(abs(step) - m) <= limit and m > 2 * limit), None)
-        if modulus is not None and np.sign(step) != np.sign(typical):
-            steps[i] = step - np.sign(step) * modulus
-            wraps.append(i)
-            continue
-        # What a counter that was frozen meanwhile catches up is no jump: `dropouts` looks at it.
+        modulus = next((m for m in (*_MODULI, turn) if abs(abs(steps[i]) - m) <= limit and m > 2 * limit), None)
+        if modulus is not None and np.sign(steps[i]) != np.sign(typical):
+            steps[i] -= np.sign(steps[i]) * modulus
+            wraps.append(int(i))
+        else:
+            jumps.append(int(i))
+    whole = np.sign(typical) * np.concatenate([[0.0], np.cumsum(steps)])
+    usual_time = usual_update(time, whole)
+    for i in jumps:
+        # What a counter that was frozen meanwhile catches up is no jump: `counter_losses` looks at it.
         before = i
         while before > 0 and steps[before - 1] == 0:
             before -= 1
-        pause = (time[i + 1] - time[before]) / np.median(np.diff(time))
-        ran = before > 0 and abs(float(steps[max(before - 4, 0) : before].mean())) > 0.5 * abs(typical)
-        if ran and np.sign(step) == np.sign(typical) and abs(step) <= 1.5 * pause * abs(typical) + limit:
+        ran = edge_speed(time, whole, before, -1, usual_time) if before else None
+        went_on = edge_speed(time, whole, i + 1, 1, usual_time)
+        fastest = max(ran.speed, went_on.speed) if ran is not None and ran.abrupt else 0.0
+        step = float(whole[i + 1] - whole[i])
+        if 0.0 < step <= 1.5 * fastest * float(time[i + 1] - time[before]) + (limit if fastest else 0.0):
             continue
+        text = f"the encoder count jumps by {steps[i]:+.0f}; the jump is taken out"
+        problems.append(Problem((float(time[i]), float(time[i + 1])), text))
         steps[i] = np.clip(typical, -limit, limit)
-        jumps.append(i)
-        problems.append(
-            Problem(
-                (float(time[i]), float(time[i + 1])), f"the encoder count jumps by {step:+.0f}; the jump is taken out"
-            )
-        )
     if wraps:
         text = f"the encoder counter wraps around {len(wraps)} times; undone"
         problems.append(Problem((float(time[wraps[0]]), float(time[wraps[-1] + 1])), text, "note"))
@@ -136,70 +134,3 @@ def held(time: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     own = phase + period * np.arange(first, last + 1)
     index = np.searchsorted(time, own + 0.5 * period, side="right") - 1
     return own, counts[index]
-
-
-def dropouts(
-    time: np.ndarray, counts: np.ndarray, top: float, still: float
-) -> tuple[np.ndarray, np.ndarray, list[Problem]]:
-    """Return the counts without the samples of a counter that froze or was silent, and when it did.
-
-    Parameters
-    ----------
-    time, counts
-        s and counts that grow, shape (n,).
-    top
-        Counts a second at top speed.
-    still
-        Time without a change that is no mere pause between counts, s.
-
-    Notes
-    -----
-    A shaft with a flywheel slows down before it stands. Full speed until the last count and from the
-    next one on is a counter that froze; behind it the counts are moved on by what the shaft turned.
-    """
-    if top <= 0:
-        return time, counts, []
-    kept, counts = np.full(time.size, True), counts.copy()
-    still = max(still, 3.0 * float(np.median(np.diff(time))))
-    moved = np.flatnonzero(np.diff(counts) != 0)
-    ends = np.unique(np.concatenate([moved, np.flatnonzero(np.diff(time) > still)]))
-    marks = np.unique(np.concatenate([[0], ends, ends + 1, [time.size - 1]]))
-    problems = []
-    for first, last in pairwise(marks):
-        pause = time[last] - time[first]
-        if pause <= still:
-            continue
-        silent = last == first + 1
-        resumed = last if silent else last + 1
-        before = _rate(time, counts, first, -1) if first else np.inf
-        after = _rate(time, counts, resumed, 1) if resumed < time.size else np.inf
-        # At the begin and the end of a record one side has to do.
-        beside = [rate for rate in (before, after) if np.isfinite(rate)]
-        sharp = bool(beside) and min(beside) > _SHARP * top
-        # A counter that reads the same behind a gap tells that the shaft stood.
-        if not (sharp or (silent and counts[resumed] != counts[first])):
-            continue
-        resumed = min(resumed, time.size - 1)
-        pause = time[resumed] - time[first]
-        usual = 0.5 * (_rate(time, counts, first, -1, _USUAL) + _rate(time, counts, resumed, 1, _USUAL))
-        missing = usual * pause - (counts[resumed] - counts[first])
-        lost = len(beside) == 2 and abs(missing) > max(0.1 * abs(missing + counts[resumed] - counts[first]), 2.0)
-        if lost and sharp:
-            counts[resumed:] += np.round(missing)
-        kept[first + (first > 0) : resumed + (after == np.inf)] = False
-        what = "told nothing" if silent else "stood still"
-        text = f"the encoder {what} for {pause:.2f} s" + (
-            " while the shaft ran at full speed: a dropout, not a stop" if sharp else ""
-        )
-        text += f"; about {missing:.0f} counts are lost" if lost and sharp else ""
-        problems.append(Problem((float(time[first]), float(time[resumed])), text))
-    return time[kept], counts[kept], problems
-
-
-def _rate(time: np.ndarray, counts: np.ndarray, index: int, side: int, many: int = _BESIDE) -> float:
-    """Return the counts a second over `many` counts before (`side` -1) or behind `index`; 0 where there are none."""
-    goal = counts[index] + side * many
-    other = int(np.searchsorted(counts, goal, side="right")) - 1 if side < 0 else int(np.searchsorted(counts, goal))
-    if other < 0 or other >= time.size or other == index:
-        return 0.0
-    return float((counts[other] - counts[index]) / (time[other] - time[index]))

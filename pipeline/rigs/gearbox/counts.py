@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.rigs.gearbox.counter_faults import direction, dropouts, held, mended
+from pipeline.rigs.gearbox.counter_faults import direction, held, mended
+from pipeline.rigs.gearbox.counter_losses import bridged
 from pipeline.rigs.gearbox.record import COUNT, SPEED, Record
 from pipeline.rigs.gearbox.stages import Problem
 
@@ -88,10 +89,9 @@ def counts_of(record: Record) -> Counts:
     counts, turned = direction(time, counts)
     time, counts = held(time, counts)
     top = _top(time, counts)
-    time, counts, lost = dropouts(time, counts, top, max(STILL, STILL_COUNTS / top if top > 0 else STILL))
+    time, counts, gaps, lost = bridged(time, counts, record.counts_per_turn)
     step = 2.0 * math.pi / record.counts_per_turn
-    gaps = tuple(problem.span for problem in lost)
-    return Counts(time, counts * step, step, top * step, gaps, (*problems, *turned, *lost))
+    return Counts(time, counts * step, step, top * step, tuple(gaps), (*problems, *turned, *lost))
 
 
 def _of_speed(time: np.ndarray, speed: np.ndarray) -> Counts:
