@@ -9,6 +9,7 @@ from pipeline.rigs.gearbox.vibration import (
     stage_vibration,
     transient,
 )
+from pipeline.rigs.gearbox.vibration_numbers import StageLevel
 
 RATE = 2500.0
 T = np.arange(0, 10, 1 / RATE)
@@ -21,13 +22,56 @@ def test_a_sine_has_its_rms_crest_and_kurtosis():
     assert found.kurtosis == pytest.approx(1.5, rel=1e-3)
 
 
-def test_gaussian_noise_has_kurtosis_three_and_an_honest_error():
+def level_of(x, span):
+    found = stage_vibration(T, x, span)
+    return StageLevel("r1", "sos", "acc_in_radial", found.rms, found.rms_error, found.dof, found.crest, found.kurtosis)
+
+
+@pytest.mark.parametrize("span", [(0.0, 10.0), (2.0, 2.3), (2.0, 2.15)])
+def test_intervals_of_the_level_of_noise_cover_and_stay_positive(span):
     covered = []
-    for seed in range(60):
-        found = stage_vibration(T, np.random.default_rng(seed).normal(size=T.size), (0.0, 10.0))
-        covered.append(abs(found.rms - 1.0) < 2.0 * found.rms_error)
-        assert found.kurtosis == pytest.approx(3.0, abs=0.2)
-    assert np.mean(covered) > 0.85
+    for seed in range(300):
+        estimate = level_of(np.random.default_rng(seed).normal(size=T.size), span).estimate
+        assert estimate.ci95[0] > 0
+        covered.append(estimate.ci95[0] <= 1.0 <= estimate.ci95[1])
+    assert 0.92 < np.mean(covered) < 0.985
+
+
+def test_gaussian_noise_has_kurtosis_three():
+    x = np.random.default_rng(1).normal(size=T.size)
+    assert stage_vibration(T, x, (0.0, 10.0)).kurtosis == pytest.approx(3.0, abs=0.2)
+
+
+def test_a_level_that_rises_within_the_stage_is_no_error_of_its_mean():
+    """Slip grows while the brake stops the output: the rms of the stage is its own, and only the noise leaves it open."""
+    swell = np.clip(T - 2.0, 0.0, 0.3) / 0.3
+    true, covered, widths = np.sqrt(np.mean(swell[(T >= 2.0) & (T < 2.3)] ** 2)), [], []
+    for seed in range(200):
+        low, high = level_of(swell * np.random.default_rng(seed).normal(size=T.size), (2.0, 2.3)).estimate.ci95
+        covered.append(low <= true <= high)
+        widths.append((high - low) / 2 / true)
+    assert 0.9 < np.mean(covered) < 0.99
+    assert np.median(widths) < 0.15
+
+
+def test_a_stage_too_short_for_an_error_says_so_instead_of_an_interval_below_zero():
+    estimate = level_of(np.random.default_rng(0).normal(size=T.size), (2.0, 2.05)).estimate
+    assert estimate.value is None
+    assert "too short" in estimate.reason
+
+
+def test_a_dead_channel_has_no_level():
+    estimate = level_of(np.zeros_like(T), (2.0, 4.0)).estimate
+    assert estimate.value is None
+    assert "dead" in estimate.reason
+
+
+def test_the_high_pass_leaves_no_step_at_the_ends_of_a_noisy_log():
+    ends = []
+    for seed in range(100):
+        x = high_passed(T, np.random.default_rng(seed).normal(size=T.size))
+        ends.append(np.mean(x[-1250:] ** 2))
+    assert np.mean(ends) == pytest.approx(1.0, abs=0.03)
 
 
 def test_shocks_raise_the_kurtosis():

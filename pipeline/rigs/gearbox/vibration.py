@@ -14,6 +14,9 @@ from pipeline.signals.spectra import welch
 
 # Gravity and drift of the sensors lie below, Hz.
 HIGH_PASS = 2.0
+# The error of a level comes from blocks at least so long (s, samples), at least and at most so many.
+_BLOCK, _SAMPLES = 0.02, 25
+_FEWEST, _MOST = 6, 60
 # Shaft orders of a spectrum are told apart to this much.
 _ORDER_STEP = 0.1
 
@@ -22,15 +25,15 @@ _ORDER_STEP = 0.1
 class StageVibration:
     """Vibration of one channel in one stage, above 2 Hz.
 
-    `rms` m/s^2 and its standard error from the scatter of `pieces` of the stage; `crest` largest over rms;
-    `kurtosis` 3 for Gaussian noise, 1.5 for a sine.
+    `rms` m/s^2 and its standard error with `dof` (NaN where the stage is too short to tell one, or the channel is
+    dead); `crest` largest over rms; `kurtosis` 3 for Gaussian noise, 1.5 for a sine.
     """
 
     rms: float
     rms_error: float
+    dof: float
     crest: float
     kurtosis: float
-    pieces: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,9 @@ def high_passed(time: np.ndarray, values: np.ndarray, cutoff: float = HIGH_PASS)
     if time.size < 32 or cutoff > 0.4 * rate:
         return np.asarray(values - values.mean())
     sections = butter(2, cutoff, "highpass", fs=rate, output="sos")
-    return np.asarray(sosfiltfilt(sections, values - values.mean()))
+    # Mirrored over a period of the cutoff: turned about a noisy last sample the log would step by its noise.
+    length = min(round(rate / cutoff), time.size - 1)
+    return np.asarray(sosfiltfilt(sections, values - values.mean(), padtype="even", padlen=length))
 
 
 def stage_vibration(time: np.ndarray, values: np.ndarray, span: Span, guard: float = 0.1) -> StageVibration | None:
@@ -90,13 +95,28 @@ def stage_vibration(time: np.ndarray, values: np.ndarray, span: Span, guard: flo
         return None
     square = x**2
     power = float(square.mean())
-    pieces = min(max(x.size // 500, 1), 50)
-    each = np.array([float(part.mean()) for part in np.array_split(square, pieces)])
+    if not power > 0:
+        return StageVibration(0.0, math.nan, math.nan, math.nan, math.nan)
     rms = math.sqrt(power)
-    error = float(each.std(ddof=1)) / math.sqrt(pieces) / (2 * rms) if pieces > 1 and rms > 0 else math.nan
-    if not rms > 0:
-        return StageVibration(0.0, 0.0, math.nan, math.nan, pieces)
-    return StageVibration(rms, error, float(np.abs(x).max()) / rms, float((square**2).mean()) / power**2, pieces)
+    rate = (x.size - 1) / (span[1] - span[0] - 2 * edge)
+    error, dof = _error_of_mean(square, max(round(_BLOCK * rate), _SAMPLES))
+    return StageVibration(
+        rms, error / (2 * rms), dof, float(np.abs(x).max()) / rms, float((square**2).mean()) / power**2
+    )
+
+
+def _error_of_mean(square: np.ndarray, size: int) -> tuple[float, float]:
+    """Return the standard error of a mean square and its degrees of freedom; NaN below six blocks of `size`.
+
+    From second differences of block means: how the level rises or falls within the stage is the stage's own and
+    no error. For white block means they have (n - 2)/1.94 degrees of freedom.
+    """
+    n = min(square.size // size, _MOST)
+    if n < _FEWEST:
+        return math.nan, math.nan
+    means = np.array([float(part.mean()) for part in np.array_split(square, n)])
+    bends = np.diff(means, 2)
+    return math.sqrt(float(np.mean(bends**2)) / 6.0 / n), (n - 2) / 1.94
 
 
 def order_spectrum(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.rigs.gearbox.mesh import MeshSpeed, Ridge, partial_slip, slip_ridge
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.sos_speed import line_orders, teeth_in
@@ -27,15 +28,27 @@ _AROUND = 0.5
 
 @dataclass(frozen=True)
 class StageLevel:
-    """Vibration of one channel in one stage: m/s^2, crest factor, kurtosis."""
+    """Vibration of one channel in one stage: m/s^2, crest factor, kurtosis; the error is NaN where none can be told."""
 
     run: str
     stage: str
     channel: str
     rms: float
     std_error: float
+    dof: float
     crest: float
     kurtosis: float
+
+    @property
+    def estimate(self) -> Estimate:
+        """The level with an interval that is symmetric in its logarithm: it is positive."""
+        if not self.rms > 0:
+            return undetermined("vibration_rms", "the channel does not move: dead or not connected")
+        if not math.isfinite(self.std_error):
+            return undetermined(
+                "vibration_rms", f"the stage is too short to tell an error (it reads {self.rms:.3g} m/s^2)"
+            )
+        return estimate("vibration_rms", self.rms, self.std_error, dof=self.dof, logarithmic=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +94,9 @@ def vibration_of(numbers: RunNumbers) -> VibrationNumbers:
         for name, values in channels.items():
             one = stage_vibration(time, values, run.stages[stage])
             if one is not None:
-                error = one.rms_error if math.isfinite(one.rms_error) else one.rms
-                levels.append(StageLevel(run.run, stage, name, one.rms, error, one.crest, one.kurtosis))
+                levels.append(
+                    StageLevel(run.run, stage, name, one.rms, one.rms_error, one.dof, one.crest, one.kurtosis)
+                )
     orders = line_orders(teeth_in(numbers.record))
     channel, values = next(iter(channels.items()))
     return VibrationNumbers(
