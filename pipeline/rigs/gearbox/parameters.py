@@ -51,11 +51,7 @@ def parameters_of(
     for run in campaign.runs:
         found += [*_torques(run, settings), *_shares(run), *_speeds(run), *_lock(run, campaign), *_events(run)]
     found += [
-        parameter(
-            estimate("vibration_rms", one.rms, one.std_error),
-            {"run": one.run, "stage": one.stage, "channel": one.channel},
-        )
-        for one in vibration
+        parameter(one.estimate, {"run": one.run, "stage": one.stage, "channel": one.channel}) for one in vibration
     ]
     return found
 
