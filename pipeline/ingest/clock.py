@@ -122,11 +122,11 @@ class Clock:
         return (stamps - self._zero) * self._factor + self.shift
 
 
-def align(clocks: Sequence[Clock]) -> list[str]:
-    """Let absolute clocks count from the earliest stamp of the run; say so for the provenance."""
+def align(clocks: Sequence[Clock]) -> float | None:
+    """Let absolute clocks count from the earliest stamp of the run, and return that, s since 1970; None without any."""
     absolute = [clock.begins for clock in clocks if clock.begins is not None]
     if not absolute:
-        return []
+        return None
     earliest = min(absolute)
     for clock in clocks:
         if clock.begins is not None:
@@ -140,8 +140,13 @@ def align(clocks: Sequence[Clock]) -> list[str]:
                 f"aligned and are kept as logged.",
             )
         )
-    moment = datetime.fromtimestamp(earliest, UTC)
-    return [f"Absolute times were made relative: second 0 is {moment:%Y-%m-%dT%H:%M:%S}.{moment.microsecond:06d}Z."]
+    return earliest
+
+
+def said_made_relative(begins: float) -> str:
+    """Say for the provenance that times with a date count from the first of them."""
+    moment = datetime.fromtimestamp(begins, UTC)
+    return f"Absolute times were made relative: second 0 is {moment:%Y-%m-%dT%H:%M:%S}.{moment.microsecond:06d}Z."
 
 
 def _seconds_per(unit: str, where: str, channel: str) -> float:

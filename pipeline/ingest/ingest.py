@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pipeline import __version__
 from pipeline.errors import InputError, listing
-from pipeline.ingest.clock import align
+from pipeline.ingest.clock import align, said_made_relative
 from pipeline.ingest.mapping import ChannelMap, Selection, Source, resolve
 from pipeline.ingest.naming import ChannelLike
 from pipeline.ingest.passage import Passage
@@ -32,7 +32,7 @@ from pipeline.recording.storage import (
 )
 
 # Raise it whenever the same log would become another recording.
-VERSION = 2
+VERSION = 3
 
 
 def ingest_run(
@@ -86,7 +86,8 @@ def ingest_run(
         raise InputError(f"{sources[0].shown}: holds none of the channels {names}; map them in the recipe.")
     times = find_times([selection.source for selection in selections], maps.get("time"))
     streams = [StreamInSI(selection, time) for selection, time in zip(selections, times, strict=True)]
-    origin = align([stream.clock for stream in streams])
+    begins = align([stream.clock for stream in streams])
+    origin = [] if begins is None else [said_made_relative(begins)]
     targets = file_names(run, [selection.source.stream for selection in selections])
     _clear(folder, run, list(targets.values()))
     with ExitStack() as stack:
@@ -111,6 +112,7 @@ def ingest_run(
             (*origin, *repairs, *_left_out(sources, streams)),
             condition_sources,
             __version__,
+            begins,
         )
         recording = Recording(run, {}, conditions, tuple(quality), provenance)
         for passage, selection in zip(passages, selections, strict=True):

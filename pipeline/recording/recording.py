@@ -99,12 +99,16 @@ class SourceFile:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a recording came from and every change made on the way."""
+    """Where a recording came from and every change made on the way.
+
+    `begins` is the moment of second 0 in seconds since 1970, None where no clock of the logs had a date.
+    """
 
     files: tuple[SourceFile, ...] = ()
     repairs: tuple[str, ...] = ()
     condition_sources: Mapping[str, str] = field(default_factory=dict)
     version: str = ""
+    begins: float | None = None
 
 
 @dataclass(frozen=True)

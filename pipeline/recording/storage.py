@@ -220,7 +220,7 @@ def read(paths: Path | Iterable[Path], *, lazily: bool = False) -> Recording:
             streams[name] = Stream(name, table["time"].to_numpy(), channels)
     told = about["provenance"]
     files = tuple(SourceFile(**entry) for entry in told["files"])
-    provenance = Provenance(files, tuple(told["repairs"]), told["condition_sources"], told["version"])
+    provenance = Provenance(files, tuple(told["repairs"]), told["condition_sources"], told["version"], told["begins"])
     return Recording(about["run"], streams, about["conditions"], _quality(about), provenance)
 
 

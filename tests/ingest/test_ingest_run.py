@@ -129,6 +129,18 @@ def test_the_rigs_own_check_sees_the_recording_and_its_findings_are_kept(
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["r1.parquet"]
 
 
+@pytest.mark.parametrize(("offset", "begins"), [(1.7e9, 1.7e9), (12.5, None)])
+def test_when_a_log_with_dates_begins_is_kept(
+    tmp_path: Path, put: Callable[..., Path], offset: float, begins: float | None
+) -> None:
+    units = {"time": "s", "displacement": "m", "force": "N"}
+    path = put("r1.log", MemoryTable({"time": TIME + offset, "displacement": 1e-4 * SINE, "force": SINE}, units))
+    (written,) = taken(tmp_path / "out", path, maps={})
+    back = read(written)
+    assert back.provenance.begins == begins
+    assert any("second 0 is 2023-11-14T22:13:20" in repair for repair in back.provenance.repairs) == bool(begins)
+
+
 def test_the_same_input_gives_the_same_bytes(tmp_path: Path, put: Callable[..., Path]) -> None:
     path = put("r1.log", shear(block_rows=3000))
     first, second = (taken(tmp_path / folder, path)[0].read_bytes() for folder in ("a", "b"))

@@ -25,7 +25,7 @@ from faulty_logs import (
 from scipy.signal import butter, lfilter
 
 from pipeline.errors import InputError
-from pipeline.recording import Provenance, Recording, SourceFile, Stream
+from pipeline.recording import Recording, Stream
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
 
@@ -339,15 +339,6 @@ def test_a_still_start_does_not_enter(campaign: list[Recording]) -> None:
 
     findings = identify(rested(r) for r in campaign)
     assert said(findings, "nothing moves in the first 2", run=ODD)
-    assert_numbers_hold(findings)
-
-
-def test_the_same_file_twice_counts_once(campaign: list[Recording]) -> None:
-    provenance = Provenance(files=(SourceFile("a.csv", "abc", 10, "csv"),))
-    twice = [replace(campaign[0], provenance=provenance), *campaign[1:]]
-    twice.append(replace(twice[0], run="copy"))
-    findings = identify(twice)
-    assert left_out(findings) == {"copy": "the same file as run 'sh_5hz_0a'"}
     assert_numbers_hold(findings)
 
 

@@ -6,10 +6,8 @@ A run that cannot be used is left out with the reason; what is odd about one tha
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import datetime
 
 import numpy as np
 
@@ -27,22 +25,12 @@ from pipeline.signals.periodicity import classify
 _CURRENT_APART = 0.1
 # A stiffness this many times that of the other runs is no gain error: a unit is wrong.
 _UNIT_FACTOR = 100.0
-# How ingest says when the relative times of a log with absolute ones begin.
-_DATED = re.compile(r"second 0 is (\d{4}-\d\d-\d\dT[\d:.]+Z)")
 
 
 def sort_runs(recordings: Sequence[Recording], settings: ShearSettings) -> SortedRuns:
     """Look at every run and put it where it belongs."""
     runs = SortedRuns()
-    seen: dict[tuple[str, ...], str] = {}
     for recording in recordings:
-        hashes = tuple(source.sha256 for source in recording.provenance.files)
-        if hashes and hashes in seen:
-            runs.left_out[recording.run] = f"the same file as run '{seen[hashes]}'"
-            runs.say("warning", recording.run, f"holds the same bytes as run '{seen[hashes]}'; it is counted once.")
-            continue
-        if hashes:
-            seen[hashes] = recording.run
         try:
             series = samples_of(recording, runs.quality.append)
             _sort_one(recording, series, settings, runs)
@@ -111,15 +99,9 @@ def _usable(recording: Recording, series: Series, runs: SortedRuns) -> UsableRun
         sequence=number_of(recording, "sequence_index"),
         test=str(recording.conditions.get("test", "")),
         label_frequency=number_of(recording, "frequency"),
-        begins=_begins(recording),
+        begins=recording.provenance.begins,
         told_lag=number_of(recording, "force_lag"),
     )
-
-
-def _begins(recording: Recording) -> float | None:
-    """Return when a log begins, in seconds since 1970, where its times had a date (ingest says so among repairs)."""
-    found = (_DATED.search(repair) for repair in recording.provenance.repairs)
-    return next((datetime.fromisoformat(match[1]).timestamp() for match in found if match), None)
 
 
 def _sort_one(recording: Recording, series: Series, settings: ShearSettings, runs: SortedRuns) -> None:

@@ -12,10 +12,9 @@ ok        none of these.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 from pipeline.errors import listing
-from pipeline.findings import Verdict
+from pipeline.rigs.mre.judgement import Judgement
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.time_fit import TimeFit
 from pipeline.rigs.mre.model.variants import REJECTED_BEYOND
@@ -26,26 +25,6 @@ _ONE_AMPLITUDE, _ONE_FREQUENCY = 1.25, 1.1
 _RUNS_TOLD = 4  # left out; beyond it only the first is told with its reason
 # Share of the force that the fit of the first half may miss in the second.
 PREDICTION_REJECTED, PREDICTION_WARNED = 0.2, 0.05
-
-
-@dataclass
-class Judgement:
-    """Verdict, reasons, advice."""
-
-    verdict: Verdict = "ok"
-    reasons: list[str] = field(default_factory=list)
-    advice: list[str] = field(default_factory=list)
-
-    def reject(self, reason: str) -> None:
-        """Reject, for that reason."""
-        self.verdict = "rejected"
-        self.reasons.append(reason)
-
-    def warn(self, reason: str) -> None:
-        """Warn, for that reason."""
-        if self.verdict == "ok":
-            self.verdict = "warning"
-        self.reasons.append(reason)
 
 
 def judge(
