@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.rigs.gearbox.inertia import LoadFit
 from pipeline.rigs.gearbox.load_windows import Windows
-from pipeline.rigs.gearbox.nominal import Level, difference_in_sigmas
+from pipeline.rigs.gearbox.nominal import Level
 from pipeline.rigs.gearbox.torque_map import Transfer
 
 _SIGMAS = 3.0
@@ -66,7 +66,7 @@ def load_law(windows: Sequence[Windows], load: LoadFit) -> Misfit:
     for w in windows:
         own = weights[start : start + w.torque.size]
         start += w.torque.size
-        bend += float(own @ (w.torque - w.columns @ load.values))
+        bend += float(own @ w.residual(load.values))
         variance += float(own @ w.covariance(load.noises[w.run]) @ own)
     value = bend / math.sqrt(variance) if variance > 0 else 0.0
     return Misfit(
@@ -113,17 +113,6 @@ def dissipated_power(torque_in: Level, torque_out: Level, speed: float) -> Misfi
         _SIGMAS,
         f"locked and at steady speed the gearbox gives out {-lost:.2f} W more than it takes in: a sensor's gain, sign or "
         "offset is wrong",
-    )
-
-
-def warm_up(before: Level, after: Level) -> Misfit:
-    """Compare the locked level before and after slipping."""
-    change = after.value - before.value
-    return Misfit(
-        "FOS before and after SOS",
-        difference_in_sigmas(before, after),
-        t_quantile(min(before.dof, after.dof), _LEVEL),
-        f"the locked torque changes by {change:+.3f} N m over the load cycle: the gearbox warmed up or an offset drifted",
     )
 
 

@@ -33,7 +33,7 @@ class LoadFit:
     residuals
         Run -> (centres of the windows in s, residual in N m as a mean over the window).
     scatter
-        Ratio (squared) of what the runs say of the parameters to what their noise allows: about 1.
+        Ratio (squared) of what the runs say of the parameters to what their noise allows: about 1; 1 below four runs.
     noises
         Run -> what its steady stretches leave over.
     undetermined
@@ -69,30 +69,66 @@ def load_parameters(windows: Sequence[Windows]) -> LoadFit | None:
     -----
     Least squares in which the windows of a run share its zero offset; the covariance comes from the measured
     noise of each run, correlation of overlapping windows included, widened where the runs differ by more than
-    their noise allows.
+    their noise allows. A run's own drift (`Windows.drift`) is projected out.
     """
-    A = np.concatenate([w.columns for w in windows])
+    free = [_free(w) for w in windows]
+    A = np.concatenate([columns for columns, _ in free])
     scale = np.linalg.norm(A, axis=0)
     if A.shape[0] < 4 or not (scale > 0).all() or np.linalg.cond(A / scale) > 1e4:
         return None
-    first = np.linalg.lstsq(A / scale, np.concatenate([w.torque for w in windows]), rcond=None)[0] / scale
-    noises = [_noise(w, w.torque - w.columns @ first) for w in windows]
+    first = np.linalg.lstsq(A / scale, np.concatenate([torque for _, torque in free]), rcond=None)[0] / scale
+    noises = [_noise(w, w.residual(first)) for w in windows]
     # One weight for all runs: each run's own noise is too rough a figure, and would favour runs that look quiet by chance.
     typical = Noise(np.mean([noise.covariance for noise in noises], axis=0), 1.0)
     weighted = [w.weighted(w.columns / scale, typical) for w in windows]
-    information = sum((x.T @ w.columns for x, w in zip(weighted, windows, strict=True)), np.zeros((3, 3)))
+    shares = [x.T @ w.columns for x, w in zip(weighted, windows, strict=True)]
+    sums = [x.T @ w.torque for x, w in zip(weighted, windows, strict=True)]
+    information = np.sum(shares, axis=0)
     pulls = [np.linalg.solve(information, x.T) for x in weighted]
-    values = sum((pull @ w.torque for pull, w in zip(pulls, windows, strict=True)), np.zeros(3))
-    left = [w.torque - w.columns @ values for w in windows]
+    values = np.linalg.solve(information, np.sum(sums, axis=0))
+    left = [w.residual(values) for w in windows]
     spreads = [_spread(pull, w, noise) for pull, w, noise in zip(pulls, windows, noises, strict=True)]
-    scatter = _scatter([pull @ rest for pull, rest in zip(pulls, left, strict=True)], spreads)
-    share = np.array([float(np.trace(own / np.outer(values, values))) for own in spreads])
-    share = share / share.sum() if share.sum() > 0 else np.full(share.size, 1 / share.size)
-    dof = 1 / float(np.sum(share**2 / np.array([noise.dof for noise in noises])))
+    noise_only = np.sum(spreads, axis=0)
+    own = np.array([float(np.trace(spread / np.outer(values, values))) for spread in spreads])
+    own = own / own.sum() if own.sum() > 0 else np.full(own.size, 1 / own.size)
+    dof = 1 / float(np.sum(own**2 / np.array([noise.dof for noise in noises])))
     residuals = {w.run: (w.time, rest / (MEAN * WINDOW)) for w, rest in zip(windows, left, strict=True)}
     by_run = {w.run: noise for w, noise in zip(windows, noises, strict=True)}
-    covariance = Covariance(np.array(spreads).sum(axis=0) * max(scatter, 1.0), dof, "noise of steady stretches")
+    covariance, scatter = _with_scatter(noise_only, dof, shares, sums)
     return LoadFit(values, covariance, residuals, scatter, by_run, _undetermined(values, covariance))
+
+
+def _free(windows: Windows) -> tuple[np.ndarray, np.ndarray]:
+    """Return columns and torque of a run without what a drift of its own could explain."""
+    drift = windows.nuisance
+    if not drift.size:
+        return windows.columns, windows.torque
+    basis = drift / np.linalg.norm(drift)
+    return windows.columns - basis @ (basis.T @ windows.columns), windows.torque - (basis @ (basis.T @ windows.torque))
+
+
+def _with_scatter(
+    noise: np.ndarray, dof: float, shares: Sequence[np.ndarray], sums: Sequence[np.ndarray]
+) -> tuple[Covariance, float]:
+    """Widen the covariance that noise gives where the runs differ by more, told by leaving out one run at a time.
+
+    The excess over the noise is as uncertain as a variance of so many runs, less one for each drag they share.
+    """
+    runs = len(shares)
+    method = "noise of steady stretches"
+    if runs < 4:
+        return Covariance(noise, dof, method), 1.0
+    information, sum_ = np.sum(shares, axis=0), np.sum(sums, axis=0)
+    without = [information - share for share in shares]
+    if max(float(np.linalg.cond(part)) for part in without) > 1e12:
+        return Covariance(noise, dof, method), 1.0
+    left_out = np.array([np.linalg.solve(part, sum_ - own) for part, own in zip(without, sums, strict=True)])
+    jackknife = (runs - 1) / runs * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0)
+    ratio = jackknife / np.diag(noise)
+    factor = np.sqrt(np.maximum(ratio, 1.0))
+    excess = max(float(ratio.max()) - 1.0, 0.0)
+    dof = (1.0 + excess) ** 2 / (1.0 / dof + excess**2 / (runs - 2))
+    return Covariance(noise * np.outer(factor, factor), dof, f"{method}, scatter of the runs"), float(ratio.mean())
 
 
 def _spread(pull: np.ndarray, windows: Windows, noise: Noise) -> np.ndarray:
@@ -102,16 +138,6 @@ def _spread(pull: np.ndarray, windows: Windows, noise: Noise) -> np.ndarray:
         return np.asarray(spread)
     # A rough autocovariance cut at some lag need not be one: as if the windows were independent.
     return np.asarray(noise.long_run * pull @ pull.T)
-
-
-def _scatter(scores: list[np.ndarray], spreads: list[np.ndarray]) -> float:
-    """Return the mean square of the runs' scores over what their noise allows, per degree of freedom; 1 below three."""
-    if len(scores) < 3:
-        return 1.0
-    sums = np.array([np.diag(s) for s in spreads]).sum(axis=0)
-    ratio = np.square(scores).sum(axis=0) / sums
-    runs = len(scores)
-    return float(ratio.mean()) * runs / (runs - 1)
 
 
 def _undetermined(values: np.ndarray, covariance: Covariance) -> dict[str, str]:
@@ -152,4 +178,4 @@ def _noise(windows: Windows, residual: np.ndarray) -> Noise:
     long_run = max(2 * float(covariance.sum()) - float(covariance[0]), 0.0)
     room = counts[0] / max(parts, 1) - (2 * lags - 1)
     covariance = covariance + (long_run / room if room > lags else 0.0)
-    return Noise(covariance, max(rows.size / (0.5 * overlap), 1.0))
+    return Noise(covariance, max(rows.size / (0.75 * overlap), 1.0))

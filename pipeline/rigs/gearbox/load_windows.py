@@ -57,8 +57,9 @@ class Windows:
         Which windows lie inside a steady stretch, shape (n,).
     offset_error
         Standard error of the zero offset of torque_out, N m: common to all rows.
-    start
-        From when on a drift of this run's torque is taken out with a straight line, s; None where none is.
+    drift
+        Course of a change of this run's torque that nothing of the load explains, in any unit, shape (n,): its size is
+        left free. None where there is none.
     """
 
     run: str
@@ -68,14 +69,16 @@ class Windows:
     place: np.ndarray
     calm: np.ndarray
     offset_error: float
-    start: float | None = None
+    drift: np.ndarray | None = None
 
     @property
-    def drift(self) -> np.ndarray:
-        """Column of a torque that drifts by 1 N m/s, shape (n, 1); (n, 0) where this run is taken to be steady."""
-        if self.start is None:
-            return np.zeros((self.time.size, 0))
-        return MEAN * WINDOW * (self.time - self.start)[:, None]
+    def nuisance(self) -> np.ndarray:
+        """Column of the drift, shape (n, 1), or (n, 0)."""
+        return np.zeros((self.time.size, 0)) if self.drift is None else MEAN * WINDOW * self.drift[:, None]
+
+    def drifting(self, course: np.ndarray) -> Windows:
+        """Return the same windows with a drift of that course, shape (n,); one that does not change is none."""
+        return replace(self, drift=course if course.size and np.ptp(course) > 0 else None)
 
     def part(self, span: Span) -> Windows:
         """Return the windows whose centre lies inside `span`."""
@@ -83,8 +86,9 @@ class Windows:
 
     def where(self, kept: np.ndarray) -> Windows:
         """Return the windows for which `kept`, shape (n,), is true."""
+        part = self if self.drift is None else self.drifting(self.drift[kept])
         return replace(
-            self,
+            part,
             columns=self.columns[kept],
             torque=self.torque[kept],
             time=self.time[kept],
@@ -107,16 +111,17 @@ class Windows:
         level = noise.long_run or 1.0
         pull = self._common / (level + self.torque.size * self._common)
         found = np.asarray((columns - pull * columns.sum(axis=0)) / level)
-        if self.start is None:
+        drift = self.nuisance
+        if not drift.size:
             return found
-        drift = self.drift
         own = (drift - pull * drift.sum(axis=0)) / level
-        return found - own @ np.linalg.solve(drift.T @ own, own.T @ columns)
+        return np.asarray(found - own @ np.linalg.solve(drift.T @ own, own.T @ columns))
 
     def residual(self, values: np.ndarray) -> np.ndarray:
         """Return what J_L, d0, d1 (shape (3,)) leave over, and the run's own drift with them, N m s, shape (n,)."""
         rest = self.torque - self.columns @ values
-        return rest - self.drift @ np.linalg.lstsq(self.drift, rest, rcond=None)[0] if self.start is not None else rest
+        drift = self.nuisance
+        return np.asarray(rest - drift @ np.linalg.lstsq(drift, rest, rcond=None)[0] if drift.size else rest)
 
     @property
     def _common(self) -> float:

@@ -14,7 +14,8 @@ from pipeline.rigs.gearbox.derived import NO_OFFSET, difference, power, power_as
 from pipeline.rigs.gearbox.friction_fit import Curve, slip_torque_by_input
 from pipeline.rigs.gearbox.inertia import NAMES, LoadFit
 from pipeline.rigs.gearbox.nominal import type_b
-from pipeline.rigs.gearbox.run_numbers import NOMINAL_STAGES, RunNumbers
+from pipeline.rigs.gearbox.run_numbers import RunNumbers
+from pipeline.rigs.gearbox.run_torques import NOMINAL_STAGES
 from pipeline.rigs.gearbox.torque_map import Transfer
 from pipeline.rigs.gearbox.vibration_numbers import StageLevel
 

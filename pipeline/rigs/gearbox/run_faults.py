@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pipeline.recording import Level as Level_
 from pipeline.recording import QualityFinding
 from pipeline.rigs.gearbox.aligned_run import within
-from pipeline.rigs.gearbox.checks import Misfit, dissipated_power, inertia_parts, ripple_share, slopes, warm_up
+from pipeline.rigs.gearbox.checks import Misfit, dissipated_power, inertia_parts, ripple_share, slopes
 from pipeline.rigs.gearbox.record import COUNT, SPEED, TORQUES
 from pipeline.rigs.gearbox.ripple import learn
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
@@ -23,6 +23,11 @@ from pipeline.rigs.gearbox.vibration_numbers import VibrationNumbers
 # Output torque in FOS that grows by more than that share: the brake may still rub. Less is warming up or drift, a
 # warning from the second share on.
 _HELD, _DRIFTS = 0.15, 0.05
+_WARMS = "the zero is the same at both ends of the run, so bearings or gears warm up"
+_OPEN = (
+    "its zero drifts, or bearings warm up, which a standstill at the end of the log would tell. All torques of this channel, and "
+    "what follows from them, carry that in their intervals, and the load fit leaves it out"
+)
 
 
 def run_faults(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFinding]:
@@ -34,7 +39,7 @@ def run_faults(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFind
         *_told(run, [one for one in run.segmentation.problems if one not in run.counts.problems], None),
         *_told(run, run.offsets.problems, None),
         *_saturated(run),
-        *_not_freed(run),
+        *_drifts(run),
         *_slips(run, vibration),
         *_aliased(run, vibration),
         *_misfits(run),
@@ -60,26 +65,42 @@ def _saturated(run: RunNumbers) -> list[QualityFinding]:
     return found
 
 
-def _not_freed(run: RunNumbers) -> list[QualityFinding]:
-    """Compare FOS before and after SOS: a brake that still rubs, or a change by heating or drift."""
+def _drifts(run: RunNumbers) -> list[QualityFinding]:
+    """Tell torques that change at equal speed: a brake that still rubs, else warming up or a zero that drifts."""
     found = []
-    for quantity in TORQUES:
-        before, after = run.levels.get((quantity, "fos")), run.levels.get((quantity, "fos_after"))
-        if before is None or after is None:
-            continue
-        one, change = warm_up(before, after), after.value - before.value
-        if not one.failed:
-            continue
-        rubs = quantity == "torque_out" and change > _HELD * abs(before.value)
-        grave: Level_ = "warning" if abs(change) > _DRIFTS * abs(before.value) else "note"
-        text = f"{one.text} ({one.value:+.1f} sigma)"
-        if rubs:
+    for quantity, drift in run.torques.drifts.items():
+        level, after = run.levels[quantity, _first_fos(run)], run.levels.get((quantity, "fos_after"))
+        last = (after or level).span[1]
+        change = drift.change(last) - drift.change(level.span[0])
+        share = abs(change) / abs(level.value) if level.value else math.inf
+        grave: Level_ = "warning" if share > _DRIFTS else "note"
+        offset = getattr(run.offsets, quantity)
+        known = offset is not None and offset.before is not None and offset.after is not None
+        if quantity == "torque_out" and _rubs(run, change, share, (level.span[0], last)):
             text = (
                 f"the brake does not free the load (step 6 of the protocol, brake off): FOS after SOS is {1e3 * change:+.0f} mN m "
-                f"above FOS before ({one.value:+.1f} sigma)"
+                f"above FOS before ({drift.sigmas:+.1f} sigma), and the input torque rises with it"
             )
-        found.append(QualityFinding(grave, text, run.name, quantity, after.span))
+        else:
+            how = "steadily" if drift.shape == "line" else "over SOS"
+            text = (
+                f"the locked torque at equal speed changes {how}, by {change:+.3f} N m from FOS to FOS after SOS ({drift.sigmas:+.1f} "
+                "sigma): " + (_WARMS if known else _OPEN)
+            )
+        found.append(QualityFinding(grave, text, run.name, quantity, (level.span[0], last)))
     return found
+
+
+def _first_fos(run: RunNumbers) -> str:
+    return "fos" if ("torque_in", "fos") in run.levels else "fos_after"
+
+
+def _rubs(run: RunNumbers, change: float, share: float, span: tuple[float, float]) -> bool:
+    """Tell whether a brake explains a rise of the output torque: it comes over SOS, and the input torque carries it."""
+    carried, driving = run.torques.drifts["torque_out"], run.torques.drifts.get("torque_in")
+    if carried.shape != "step" or share < _HELD or not change > 0 or driving is None:
+        return False
+    return driving.change(span[1]) - driving.change(span[0]) > 0.5 * change
 
 
 def _slips(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFinding]:

@@ -7,30 +7,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.estimation.uncertainty import effective_size
 from pipeline.rigs.gearbox.aligned_run import AlignedRun, ZeroOffset
 from pipeline.rigs.gearbox.alignment import Alignment, align
+from pipeline.rigs.gearbox.checks import inertia_parts
+from pipeline.rigs.gearbox.clipping import clip_of
 from pipeline.rigs.gearbox.counts import Counts, counts_of
 from pipeline.rigs.gearbox.derived import Torque
 from pipeline.rigs.gearbox.inertia import LoadFit, load_parameters
-from pipeline.rigs.gearbox.load_windows import Windows, free_spans, modulated
-from pipeline.rigs.gearbox.nominal import Level, level
+from pipeline.rigs.gearbox.load_windows import WINDOW, Windows, free_spans, modulated
+from pipeline.rigs.gearbox.nominal import Level
 from pipeline.rigs.gearbox.offsets import Offsets, zero_offsets
-from pipeline.rigs.gearbox.peaks import Peak, peak, steady_noise, unlock_peak
+from pipeline.rigs.gearbox.peaks import Peak
 from pipeline.rigs.gearbox.record import TORQUES, Record
+from pipeline.rigs.gearbox.run_torques import Torques, torques_of
 from pipeline.rigs.gearbox.segmentation import segment
 from pipeline.rigs.gearbox.sos_speed import InputSpeed, input_speed_of
 from pipeline.rigs.gearbox.stages import Segmentation
-from pipeline.rigs.gearbox.torque_map import Transfer, brake_transfer, startup_transfer, steady_transfer
-
-NOMINAL_STAGES = ("fos", "sos", "fos_after")
-_FOS_STAGES = ("fos", "fos_after")
-# A lock that breaks may do so a little before the brake's stage ends; the peak is sought this much wider, s.
-_AROUND_PEAK = 0.1
+from pipeline.rigs.gearbox.torque_map import Transfer
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +39,8 @@ class RunNumbers:
     ----------
     record, alignment, segmentation, offsets, counts, run
         The run on the clock of the torques, and how it came there.
-    levels, peaks
-        By (`torque_in` or `torque_out`, stage).
-    unlock
-        Peak of torque_in at the unlock without the shaft's ripple.
-    transfers
-        Slope of output over input torque by phase: `startup`, `brake`, `steady`.
+    torques
+        Levels, peaks, slopes of the torque map, drifts, end stops.
     windows, load
         Integrated load equation and its fit to this run alone; `load_parts` to start-up and release alone.
     speed_out
@@ -61,10 +55,7 @@ class RunNumbers:
     offsets: Offsets
     counts: Counts
     run: AlignedRun
-    levels: Mapping[tuple[str, str], Level] = field(default_factory=dict)
-    peaks: Mapping[tuple[str, str], Peak] = field(default_factory=dict)
-    unlock: Peak | None = None
-    transfers: Mapping[str, Transfer] = field(default_factory=dict)
+    torques: Torques = field(default_factory=Torques)
     windows: Windows | None = None
     load: LoadFit | None = None
     load_parts: Mapping[str, LoadFit] = field(default_factory=dict)
@@ -75,6 +66,21 @@ class RunNumbers:
     def name(self) -> str:
         """Name of the run."""
         return self.record.run
+
+    @property
+    def levels(self) -> Mapping[tuple[str, str], Level]:
+        """Nominal torques by (`torque_in` or `torque_out`, stage)."""
+        return self.torques.levels
+
+    @property
+    def peaks(self) -> Mapping[tuple[str, str], Peak]:
+        """Peak torques by (`torque_in` or `torque_out`, stage)."""
+        return self.torques.peaks
+
+    @property
+    def transfers(self) -> Mapping[str, Transfer]:
+        """Slope of output over input torque by phase: `startup`, `brake`, `steady`, `loaded`."""
+        return self.torques.transfers
 
     @property
     def speed(self) -> float:
@@ -104,7 +110,7 @@ class RunNumbers:
         return (
             None
             if self.saturated("torque_in", "brake")
-            else Torque.of_peak(self.unlock, self.zero("torque_in"), unbiased=True)
+            else Torque.of_peak(self.torques.unlock, self.zero("torque_in"), unbiased=True)
         )
 
     def saturated(self, quantity: str, stage: str) -> bool:
@@ -117,10 +123,6 @@ class RunNumbers:
         """Tell whether the zero offsets of both torques are known."""
         return not any(math.isnan(self.zero(name)) for name in TORQUES)
 
-    def steady(self) -> list[tuple[float, float]]:
-        """Return the settled parts of FOS, s."""
-        return [self.levels["torque_in", stage].span for stage in _FOS_STAGES if ("torque_in", stage) in self.levels]
-
 
 def numbers_of(record: Record) -> RunNumbers:
     """Return the numbers of one run."""
@@ -131,16 +133,12 @@ def numbers_of(record: Record) -> RunNumbers:
     run = _aligned(record, segmentation, offsets, counts)
     speed_out = _speed_out(run)
     speed_in = input_speed_of(record, run)
-    levels = _levels(run, speed_out[0], speed_in)
-    found = RunNumbers(record, alignment, segmentation, offsets, counts, run, levels)
-    steady = found.steady()
-    windows = modulated(run, steady)
-    peaks = _peaks(run, levels)
+    clips = {name: clip_of(record.torque.time, record.torque[name]) for name in TORQUES}
+    torques = torques_of(run, offsets, clips, speed_out[0], speed_in.value if speed_in else math.nan)
+    windows, parts = _load(run, torques)
     return RunNumbers(
-        record, alignment, segmentation, offsets, counts, run, levels,
-        peaks, _unlock(run, levels), _transfers(run, levels, steady, peaks, found.zeroed),
-        windows, None if windows is None else load_parameters([windows]), _load_parts(run, windows),
-        speed_out, speed_in,
+        record, alignment, segmentation, offsets, counts, run, torques,
+        windows, None if windows is None else load_parameters([windows]), parts, speed_out, speed_in,
     )  # fmt: skip
 
 
@@ -175,76 +173,22 @@ def _speed_out(run: AlignedRun) -> tuple[float, float]:
     return float(slope), float(np.sqrt(np.mean(rest**2) / np.mean(time**2) / count))
 
 
-def _levels(run: AlignedRun, speed: float, speed_in: InputSpeed | None) -> dict[tuple[str, str], Level]:
-    time, *torques = run.slow
-    found = {}
-    for stage in (*NOMINAL_STAGES, "fos_loaded"):
-        if stage not in run.stages:
-            continue
-        for name, values, zero in zip(TORQUES, torques, (run.offset_in, run.offset_out), strict=True):
-            turning = speed if stage != "sos" else speed_in.value if speed_in and name == "torque_in" else 0.0
-            one = level(time, values, run.stages[stage], turning if math.isfinite(turning) else 0.0, zero)
-            if one is not None:
-                found[name, stage] = one
-    return found
-
-
-def _peaks(run: AlignedRun, levels: Mapping[tuple[str, str], Level]) -> dict[tuple[str, str], Peak]:
-    found = {}
-    spans = {}
-    if "startup" in run.stages:
-        start, end = run.stages["startup"]
-        spans["startup"] = (start - _AROUND_PEAK, end + _AROUND_PEAK)
-    if "unlock" in run.events:
-        onset = run.events.get("brake_onset", run.events["unlock"] - 0.3)
-        spans["brake"] = (onset - _AROUND_PEAK, run.events["unlock"] + _AROUND_PEAK)
-    for name, values, zero in zip(
-        TORQUES, (run.torque_in, run.torque_out), (run.offset_in, run.offset_out), strict=True
-    ):
-        steady = [levels[name, stage].span for stage in _FOS_STAGES if (name, stage) in levels]
-        noise = steady_noise(run.time, values, steady)
-        for stage, span in spans.items():
-            one = peak(run.time, values, span, noise, offset=zero)
-            if one is not None:
-                found[name, stage] = one
-    return found
-
-
-def _unlock(run: AlignedRun, levels: Mapping[tuple[str, str], Level]) -> Peak | None:
-    settled, unlock = levels.get(("torque_in", "fos")), run.events.get("unlock")
-    if settled is None or unlock is None:
-        return None
-    onset = run.events.get("brake_onset", unlock - 0.3)
-    return unlock_peak(run, (onset - _AROUND_PEAK, unlock + _AROUND_PEAK), settled.span)
-
-
-def _transfers(
-    run: AlignedRun,
-    levels: Mapping[tuple[str, str], Level],
-    steady: list[tuple[float, float]],
-    peaks: Mapping[tuple[str, str], Peak],
-    zeroed: bool,
-) -> dict[str, Transfer]:
-    """Return the slopes by phase; a saturated peak spoils its phase, and without a zero there is no T_00."""
-    cut = {stage for (_, stage), one in peaks.items() if one.saturated}
-    found: dict[str, Transfer | None] = {}
-    if "startup" not in cut:
-        found["startup"] = startup_transfer(run, steady)
-    if "brake" not in cut:
-        found["brake"] = brake_transfer(run, steady)
-    for phase, stage in (("steady", "sos"), ("loaded", "fos_loaded")):
-        fos, loaded = ([levels.get((name, each)) for name in TORQUES] for each in ("fos", stage))
-        if fos[0] and fos[1] and loaded[0] and loaded[1]:
-            one = steady_transfer((fos[0], fos[1]), (loaded[0], loaded[1]))
-            found[phase] = None if one is None else replace(one, phase=phase)
-    known = {phase: one for phase, one in found.items() if one is not None}
-    if zeroed:
-        return known
-    return {phase: replace(one, intercept=math.nan, intercept_error=math.nan) for phase, one in known.items()}
-
-
-def _load_parts(run: AlignedRun, windows: Windows | None) -> dict[str, LoadFit]:
+def _load(run: AlignedRun, torques: Torques) -> tuple[Windows | None, dict[str, LoadFit]]:
+    """Return the windows that tell of the load alone, and the fits to start-up and release alone."""
+    windows = modulated(run, torques.steady)
     if windows is None:
-        return {}
-    parts = {name: load_parameters([windows.part(span)]) for name, span in free_spans(run).items()}
-    return {name: fit for name, fit in parts.items() if fit is not None}
+        return None, {}
+    cut = torques.clips["torque_out"].times
+    if cut.size:
+        near = np.searchsorted(cut, windows.time + WINDOW / 2) > np.searchsorted(cut, windows.time - WINDOW / 2)
+        windows = windows.where(~near)
+    drift = torques.drifts.get("torque_out")
+    if drift is not None:
+        windows = windows.drifting(np.array([drift.change(at) / (drift.rate or drift.step) for at in windows.time]))
+    spans = free_spans(run)
+    fits = {name: load_parameters([windows.part(span)]) for name, span in spans.items()}
+    parts = {name: fit for name, fit in fits.items() if fit is not None}
+    if {"startup", "release"} <= set(parts) and inertia_parts(parts["startup"], parts["release"]).failed:
+        # Where they contradict each other the brake was not free as the load sped up; at start-up it surely was.
+        windows = windows.where(windows.calm | (windows.time < spans["startup"][1]))
+    return windows, parts

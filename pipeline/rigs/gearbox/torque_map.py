@@ -113,7 +113,7 @@ def total_least_squares(x: np.ndarray, y: np.ndarray, ratio: float = 1.0) -> flo
     return (lead + math.copysign(math.hypot(lead, 2 * math.sqrt(ratio) * sxy), 1.0)) / (2 * sxy)
 
 
-def brake_transfer(run: AlignedRun, steady: list[Span]) -> Transfer | None:
+def brake_transfer(run: AlignedRun, steady: list[Span], until: float = math.inf) -> Transfer | None:
     """Fit the rise of both torques between brake onset and unlock: locked, and at almost constant speed.
 
     Parameters
@@ -122,6 +122,8 @@ def brake_transfer(run: AlignedRun, steady: list[Span]) -> Transfer | None:
         With the events `brake_onset` and `unlock`.
     steady
         Settled locked stretches (`Level.span` of fos, fos_after): the ripple is learnt in the first, the noise in all.
+    until
+        What comes later is left out, s: a torque sensor at its end stop.
 
     Returns
     -------
@@ -131,7 +133,8 @@ def brake_transfer(run: AlignedRun, steady: list[Span]) -> Transfer | None:
     if onset is None or unlock is None or not unlock > onset or not steady:
         return None
     data = _Locked.of(run, steady)
-    part = within(data.time, (onset - _LEAD, unlock))
+    # A block mean reaches half a block further.
+    part = within(data.time, (onset - _LEAD, min(unlock, until - 0.5 / _RATE)))
     return data.transfer("brake", part, np.ones((part.stop - part.start, 1)))
 
 
