@@ -17,3 +17,12 @@ SAMPLE: tuple[ConditionSpec, ...] = (
     ConditionSpec("sequence_index", "1", "order of the runs (Mullins effect, heating)"),
 )
 """The pads and the order of the runs."""
+MICROMECHANICS: tuple[ConditionSpec, ...] = (
+    ConditionSpec("gap_ratio", "1", "distance of neighbours in a chain over their diameter", range=Range(1, 10)),
+    ConditionSpec("powder_saturation", "T", "saturation polarisation of the powder", range=Range(0, 3, above=True)),
+    ConditionSpec("powder_permeability", "1", "relative permeability of the powder", range=Range(1, 1e6, above=True)),
+    ConditionSpec(
+        "flux_per_current", "T/A", "flux density per coil current, where none is logged", range=Range(0, 10, above=True)
+    ),
+)
+"""Optional, for the micromechanical model."""
