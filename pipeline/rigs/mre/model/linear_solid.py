@@ -22,26 +22,32 @@ def maxwell_harmonics(X: np.ndarray, angular: np.ndarray, tau: float) -> tuple[n
 
 
 @nb.njit(cache=True)
-def _maxwell(time: np.ndarray, x: np.ndarray, tau: float, out: np.ndarray) -> None:
+def _maxwell(time: np.ndarray, x: np.ndarray, bend: np.ndarray, tau: float, out: np.ndarray) -> None:
     u = 0.0
     du = 0.0
     for i in range(x.size - 1):
-        ratio = (time[i + 1] - time[i]) / tau
+        h = time[i + 1] - time[i]
+        ratio = h / tau
         e = math.exp(-ratio)
         gain = -math.expm1(-ratio) / ratio
         step = x[i + 1] - x[i]
+        # What a velocity that changes evenly by `bend` about its mean adds, and its d/d(ln tau).
+        late = tau * (1.0 - gain) - 0.5 * h * gain
+        late_slope = tau * (1.0 + e - 2.0 * gain) + 0.5 * h * (e - gain)
         # d/d(ln tau) of e is ratio e, of gain is gain - e
-        du = e * du + ratio * e * u + (gain - e) * step
-        u = e * u + gain * step
+        du = e * du + ratio * e * u + (gain - e) * step + late_slope * bend[i]
+        u = e * u + gain * step + late * bend[i]
         out[i + 1, 0] = u
         out[i + 1, 1] = du
 
 
-def maxwell_along(time: np.ndarray, x: np.ndarray, tau: float) -> np.ndarray:
+def maxwell_along(time: np.ndarray, x: np.ndarray, tau: float, velocity: np.ndarray | None = None) -> np.ndarray:
     """Return [u, du/d(ln tau)] at the samples, shape (m, 2), from u = 0 at the first.
 
-    Exact for displacement that is straight between the samples, whatever their spacing (s).
+    Exact for displacement that is straight between the samples, whatever their spacing (s); with the
+    `velocity` (m/s) at the samples exact for parabolas.
     """
     out = np.zeros((x.size, 2))
-    _maxwell(time, x, tau, out)
+    bend = np.zeros(x.size - 1) if velocity is None else np.diff(velocity)
+    _maxwell(time, x, bend, tau, out)
     return out

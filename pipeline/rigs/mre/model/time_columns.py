@@ -182,7 +182,7 @@ def segment_columns(
     x = segment.x[:count] - lag * v + 0.5 * lag**2 * a
     velocity = v - lag * a
     x = x - x[0]
-    u = maxwell_along(t, x, shape.tau)
+    u = maxwell_along(t, x, shape.tau, velocity)
     w = along(path_through(x), shape.rho, shape.c_bw, shape.n_bw)
     columns = {"u": u[:, 0], "x": x, "v": velocity, "w": w[:, 0], "m": a}
     slopes: list[dict[str, np.ndarray]] = [
