@@ -34,6 +34,7 @@ def arrays_of(
     times: Sequence[TimeFit],
     preloads: PreloadTable | None,
     parameters: Sequence[Parameter],
+    flux: pd.DataFrame,
 ) -> dict[str, pd.DataFrame]:
     """Return the tables that there are, by name."""
     tables = {
@@ -49,6 +50,7 @@ def arrays_of(
         "agreement": agreement(runs, fit),
         "residual_checks": residual_checks(fit, times),
         "field_laws": field_laws(parameters),
+        "flux_levels": flux,
     }
     return {name: table for name, table in tables.items() if len(table)}
 

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Experiment, Later, ParameterSpec, Range, Settings
-from pipeline.rigs.mre.conditions import COIL_CURRENT, PRELOAD, SAMPLE, SIZE
+from pipeline.rigs.mre.conditions import COIL_CURRENT, MICROMECHANICS, PRELOAD, SAMPLE, SIZE
 from pipeline.rigs.mre.references import (
     BRANCATI_2019,
     GOLUB_PEREYRA_1973,
@@ -68,6 +68,7 @@ CONDITIONS = (
         range=Range(1, 100, whole=True),
     ),
     *SAMPLE,
+    *MICROMECHANICS,
 )
 _PER_RUN = "3.5; per run"
 PARAMETERS = (

@@ -10,6 +10,7 @@ from pipeline.errors import InputError, listing
 from pipeline.findings import Findings, Quality, Run
 from pipeline.recording import Recording
 from pipeline.rigs.experiment import Context
+from pipeline.rigs.mre.flux_levels import flux_levels
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions, Identification, identify_loops
 from pipeline.rigs.mre.model.leave_one_out import leave_one_out
@@ -90,7 +91,7 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
             Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in runs.quality
         ],
         runs=_runs(recordings, runs, outcome.beside),
-        arrays=arrays_of(runs, fit, without, records.fits, preloads, parameters),
+        arrays=arrays_of(runs, fit, without, records.fits, preloads, parameters, flux_levels(recordings)),
     )
 
 

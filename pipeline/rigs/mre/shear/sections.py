@@ -22,6 +22,7 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
 from pipeline.rigs.mre.shear.sections_field import level_text, of_field
 from pipeline.rigs.mre.shear.sections_fit import of_fit
 
@@ -44,7 +45,7 @@ def sections(findings: Findings) -> Sequence[Section]:
         Section("field", "What the field adds", of_field(findings)),
         Section("fit", "How well the model is known", of_fit(findings)),
     ]
-    return [chapter for chapter in chapters if chapter.blocks]
+    return [*(chapter for chapter in chapters if chapter.blocks), *micromechanics(findings)]
 
 
 def _chosen(runs: Sequence[str], table: pd.DataFrame) -> list[str]:
