@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from pipeline.rigs.gearbox.aligned_run import Span
 _PADDING = 4
 # Bins of the padded spectrum over which the noise floor is a median.
 _FLOOR = 400
+# Power over the floor of a line that stands out: noise does so at one place with probability exp(-20). Half width of a
+# Hann line, in lines of the resolution.
+_STANDS, _LOBE = 20.0, 2
 
 
 def in_band(orders: Sequence[float], rate: float, highest: float) -> list[float]:
@@ -58,6 +61,19 @@ class Comb:
             spectrum = rfft((x - x.mean()) * hann, length)
             total = total + _over_floor(np.asarray(spectrum.real**2 + spectrum.imag**2))
         return cls(np.asarray(total) / len(signals), rate / length, rate, size, tuple(orders))
+
+    def without(self, rest: Comb) -> Comb:
+        """Return the comb blind to the lines that stand at rest, too: mains hum and its harmonics look like a comb."""
+        size = max(round(_LOBE * rest.rate / rest.size / rest.spacing), 1)
+        hum = np.convolve(rest.power > _STANDS, np.ones(2 * size + 1), "same") > 0
+        at = np.minimum(np.round(np.arange(self.power.size) * self.spacing / rest.spacing).astype(int), hum.size - 1)
+        return replace(self, power=np.where(hum[at], np.minimum(self.power, 1.0), self.power))
+
+    def stands_out(self, speed: float) -> bool:
+        """Tell whether two lines at least stand out of the noise at a slip speed: a single one is no comb."""
+        at = np.round(np.array(self.orders) * speed / (2 * math.pi * self.spacing)).astype(int)
+        tops = [float(self.power[max(i - _PADDING, 0) : i + _PADDING + 1].max()) for i in at]
+        return sorted(tops)[-2] > _STANDS
 
     def best(self, limits: Span) -> tuple[float, float]:
         """Return the slip speed (rad/s) with the strongest comb within `limits`, and its contrast."""

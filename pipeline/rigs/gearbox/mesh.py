@@ -73,6 +73,7 @@ def input_speed(
     nominal: float,
     orders: Sequence[float] = ORDERS,
     guard: float = 0.2,
+    rest: Span | None = None,
 ) -> MeshSpeed | None:
     """Find the slip speed over a stretch with the output held.
 
@@ -86,6 +87,8 @@ def input_speed(
         Where to look: 0.85 to 1.05 of it, else down to 0.6 of it, rad/s.
     orders
         Mesh lines per turn of slip.
+    rest
+        A standstill, s: lines that stand there, too, are hum.
 
     Returns
     -------
@@ -97,31 +100,36 @@ def input_speed(
         return None
     rate = (t.size - 1) / float(t[-1] - t[0])
     used = in_band(orders, rate, _NEAR[1] * nominal)
-    signals = [values[part] for values in channels.values() if np.ptp(values[part]) > 0]
-    if len(used) < 2 or not signals:
+    live = {name: values for name, values in channels.items() if np.ptp(values[part]) > 0}
+    if len(used) < 2 or not live:
         return None
-    signals, rate = thinned(signals, rate, max(used) * _NEAR[1] * nominal)
+    signals, rate = thinned([values[part] for values in live.values()], rate, max(used) * _NEAR[1] * nominal)
+    hum = _at_rest(time, live, rest, max(used) * _NEAR[1] * nominal, used)
     for share in (_NEAR, _DROOPED):
-        found = _searched(signals, rate, used, (share[0] * nominal, share[1] * nominal), span[1] - span[0])
+        found = _searched(signals, rate, used, (share[0] * nominal, share[1] * nominal), span[1] - span[0], hum)
         if found is not None:
             return found
     return None
 
 
 def _searched(
-    signals: Sequence[np.ndarray], rate: float, used: Sequence[float], limits: Span, stage: float
+    signals: Sequence[np.ndarray], rate: float, used: Sequence[float], limits: Span, stage: float, hum: Comb | None
 ) -> MeshSpeed | None:
-    """Return the slip speed within `limits` (rad/s) of a stage `stage` seconds long."""
+    """Return the slip speed within `limits` (rad/s) of a stage `stage` seconds long; `hum` is the comb at rest."""
     length = max(round(_PIECE * rate), 256)
     starts = [i * length for i in range(max(signals[0].size // length, 1))]
     coarse = Comb.of([signal[start : start + length] for start in starts for signal in signals], rate, used)
-    rough, _ = coarse.best(limits)
     fine = Comb.of(signals, rate, used)
+    if hum is not None:
+        coarse, fine = coarse.without(hum), fine.without(hum)
+    rough, _ = coarse.best(limits)
     step = 2 * math.pi * rate / (length * max(used))
     near = (max(rough - 2 * step, limits[0]), min(rough + 2 * step, limits[1]))
     speed, contrast = fine.best(near)
     speed = fine.sharpened(speed)
     if max(contrast, coarse.contrast_at(rough)) < LEAST_CONTRAST:
+        return None
+    if not (fine.stands_out(speed) or coarse.stands_out(rough)):
         return None
     wide = ((1 - _WANDER) * rough, (1 + _WANDER) * rough)
     pieces = np.array([Comb.of([s[i : i + length] for s in signals], rate, used).best(wide)[0] for i in starts])
@@ -132,6 +140,20 @@ def _searched(
     outside = 1.0 - (track.span[1] - track.span[0]) / stage
     error = math.hypot(track.std_error, outside * track.wander)
     return MeshSpeed(track.rate, error, track.dof, contrast, track.wander, tuple(used))
+
+
+def _at_rest(
+    time: np.ndarray, channels: Mapping[str, np.ndarray], rest: Span | None, highest: float, orders: Sequence[float]
+) -> Comb | None:
+    """Return the spectrum of a standstill over its floor; None where there is none of a second or more."""
+    if rest is None or rest[1] - rest[0] < _PIECE:
+        return None
+    part = within(time, rest)
+    if part.stop - part.start < 256:
+        return None
+    rate = (part.stop - part.start - 1) / float(time[part.stop - 1] - time[part.start])
+    signals, rate = thinned([values[part] for values in channels.values()], rate, highest)
+    return Comb.of(signals, rate, orders)
 
 
 def _tracked(
@@ -199,11 +221,12 @@ def partial_slip(
     span: Span,
     speed: float,
     orders: Sequence[float] = ORDERS,
+    rest: Span | None = None,
 ) -> MeshSpeed | None:
     """Look for mesh lines where the gears should be locked (fact sheet 5.7): None where there are none.
 
     Slips from a two-hundredth of the shaft speed on are looked for; multiples of the shaft speed, which any
-    shaft shows, are taken out first.
+    shaft shows, are taken out first, and what stands at `rest` (a standstill, s), too.
     """
     part = within(time, (span[0] + 0.2, span[1] - 0.2))
     t = time[part]
@@ -223,7 +246,9 @@ def partial_slip(
         return None
     signals, rate = thinned(signals, rate, max(used) * 1.05 * speed)
     comb = Comb.of(signals, rate, used)
+    hum = _at_rest(time, channels, rest, max(used) * 1.05 * speed, used)
+    comb = comb if hum is None else comb.without(hum)
     slip, contrast = comb.best((max(speed / 200, 4 * math.pi * rate / (signals[0].size * min(used))), 1.05 * speed))
-    if contrast < LEAST_CONTRAST:
+    if contrast < LEAST_CONTRAST or not comb.stands_out(slip):
         return None
     return MeshSpeed(slip, comb.resolution(contrast), math.inf, contrast, 0.0, tuple(used))

@@ -40,6 +40,7 @@ def run_faults(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFind
         *_told(run, run.offsets.problems, None),
         *_saturated(run),
         *_drifts(run),
+        *vibration.findings,
         *_slips(run, vibration),
         *_aliased(run, vibration),
         *_misfits(run),

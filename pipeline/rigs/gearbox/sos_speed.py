@@ -66,9 +66,9 @@ def input_speed_of(record: Record, run: AlignedRun) -> InputSpeed | None:
     # What the output shaft does while locked is the input's speed too: surer than a condition.
     nominal = run.speed_nominal if math.isfinite(run.speed_nominal) else record.speed_nominal or math.nan
     if record.vibration is not None and math.isfinite(nominal):
-        found = input_speed(
-            record.vibration.time, record.vibration.values, (start, end), nominal, line_orders(teeth_in(record))
-        )
+        log, orders = record.vibration, line_orders(teeth_in(record))
+        rest = run.stages.get("standstill")
+        found = input_speed(log.time, log.values, (start, end), nominal, orders, rest=rest)
         if found is not None:
             return _from_lines(found, run.rate_sd.get("vibration", 0.0))
     if not math.isfinite(nominal):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
+from pipeline.recording import QualityFinding
 from pipeline.rigs.gearbox.mesh import MeshSpeed, Ridge, partial_slip, slip_ridge
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.sos_speed import line_orders, teeth_in
@@ -20,6 +21,7 @@ from pipeline.rigs.gearbox.vibration import (
     stage_vibration,
     transient,
 )
+from pipeline.rigs.gearbox.vibration_faults import channel_faults
 
 _STAGES = ("startup", "fos", "brake", "sos", "release", "fos_after", "rundown")
 # The ridge is sought this long before the brake comes on and after the gears locked again, s.
@@ -69,6 +71,8 @@ class VibrationNumbers:
         Mesh lines folded back at the sampling rate: (order, Hz).
     disturbance
         Mean square at unlock and relock over that of FOS.
+    findings
+        What is wrong with single channels.
     """
 
     levels: tuple[StageLevel, ...] = ()
@@ -78,6 +82,7 @@ class VibrationNumbers:
     partial: MeshSpeed | None = None
     aliased: tuple[tuple[float, float], ...] = ()
     disturbance: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[QualityFinding, ...] = ()
 
 
 def vibration_of(numbers: RunNumbers) -> VibrationNumbers:
@@ -87,22 +92,32 @@ def vibration_of(numbers: RunNumbers) -> VibrationNumbers:
         return VibrationNumbers()
     time = log.time
     channels = {name: high_passed(time, values) for name, values in log.values.items()}
-    levels = []
-    for stage in _STAGES:
-        if stage not in run.stages:
-            continue
-        for name, values in channels.items():
-            one = stage_vibration(time, values, run.stages[stage])
-            if one is not None:
-                levels.append(
-                    StageLevel(run.run, stage, name, one.rms, one.rms_error, one.dof, one.crest, one.kurtosis)
-                )
+    stages = [stage for stage in _STAGES if stage in run.stages]
+    levels = [
+        StageLevel(run.run, stage, name, one.rms, one.rms_error, one.dof, one.crest, one.kurtosis)
+        for stage in stages
+        for name, values in channels.items()
+        if (one := stage_vibration(time, values, run.stages[stage])) is not None
+    ]
+    faults = channel_faults(run.run, log, levels_by_channel(levels))
+    live = {name: values for name, values in channels.items() if np.ptp(log[name]) > 0}
+    if not live:
+        return VibrationNumbers(tuple(levels), findings=tuple(faults))
     orders = line_orders(teeth_in(numbers.record))
-    channel, values = next(iter(channels.items()))
+    channel, values = next(iter(live.items()))
     return VibrationNumbers(
-        tuple(levels), channel, _spectra(numbers, time, values), _ridge(numbers, channels, orders),
-        _partial(numbers, channels, orders), _aliased(numbers, time, values, orders), _disturbance(numbers, time, values),
+        tuple(levels), channel, _spectra(numbers, time, values), _ridge(numbers, live, orders),
+        _partial(numbers, live, orders), _aliased(numbers, time, values, orders), _disturbance(numbers, time, values),
+        tuple(faults),
     )  # fmt: skip
+
+
+def levels_by_channel(levels: Sequence[StageLevel]) -> dict[str, dict[str, float]]:
+    """Return channel -> stage -> rms, m/s^2."""
+    found: dict[str, dict[str, float]] = {}
+    for level in levels:
+        found.setdefault(level.channel, {})[level.stage] = level.rms
+    return found
 
 
 def _spectra(numbers: RunNumbers, time: np.ndarray, values: np.ndarray) -> dict[str, OrderSpectrum]:
@@ -130,7 +145,7 @@ def _partial(numbers: RunNumbers, channels: Mapping[str, np.ndarray], orders: tu
     if log is None or "fos" not in run.stages or not math.isfinite(speed):
         return None
     first = dict([next(iter(channels.items()))])
-    return partial_slip(log.time, first, run.stages["fos"], speed, orders)
+    return partial_slip(log.time, first, run.stages["fos"], speed, orders, run.stages.get("standstill"))
 
 
 def _aliased(
