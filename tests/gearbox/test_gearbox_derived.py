@@ -59,3 +59,13 @@ def test_the_power_at_an_assumed_speed_is_an_upper_limit_with_room_for_the_drive
         assert found.ci95[0] <= 1.407 * 12.566 * (1 - droop) <= found.ci95[1]
     assert found.ci95[1] - found.value < 0.02 * found.value
     assert power_assumed("p", None, 12.566, "there is no SOS").value is None
+
+
+def test_what_noise_adds_to_a_peak_shifts_the_interval_and_not_the_number():
+    peak, level = Torque(1.42, 0.03, 0.003, math.inf, bias=0.02), Torque(0.94, 0.003, 0.003, math.inf)
+    excess = difference("d", peak, level, "")
+    assert excess.value == pytest.approx(0.48)
+    assert np.mean(excess.ci95) == pytest.approx(0.46)
+    residual, relief = (share("s", level, peak, "", residual=each) for each in (True, False))
+    assert np.mean(residual.ci95) == pytest.approx(0.94 / 1.40, rel=1e-3)
+    assert np.mean(relief.ci95) == pytest.approx(1 - np.mean(residual.ci95))

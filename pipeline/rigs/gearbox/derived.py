@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.rigs.gearbox.nominal import Level
@@ -22,12 +22,25 @@ NO_OFFSET = "the zero offsets are unknown: the run has no standstill"
 
 @dataclass(frozen=True)
 class Torque:
-    """A torque of one sensor, N m: value, its own error (noise, ripple, bias of a maximum) and that of the common zero."""
+    """A torque of one sensor, N m.
+
+    Attributes
+    ----------
+    value
+        As it is told.
+    own, zero
+        Its own error (noise, ripple) and that of the sensor's zero, which is common to all its torques.
+    dof
+        Degrees of freedom.
+    bias
+        What noise adds to a maximum on average: not taken off the value, but off the middle of its interval.
+    """
 
     value: float
     own: float
     zero: float
     dof: float
+    bias: float = 0.0
 
     @classmethod
     def of_level(cls, level: Level | None, zero: float) -> Torque | None:
@@ -36,14 +49,14 @@ class Torque:
 
     @classmethod
     def of_peak(cls, peak: Peak | None, zero: float, unbiased: bool = False) -> Torque | None:
-        """Return a peak torque; what noise adds to a maximum on average counts as an error, or is taken off (`unbiased`)."""
+        """Return a peak torque, as read or without what noise adds to a maximum on average (`unbiased`)."""
         if peak is None:
             return None
         known = 0.0 if math.isnan(zero) else zero
         noise = math.sqrt(max(peak.std_error**2 - known**2, 0.0))
         if unbiased:
             return cls(peak.value - peak.bias, noise, zero, peak.dof)
-        return cls(peak.value, math.hypot(noise, peak.bias), zero, peak.dof)
+        return cls(peak.value, noise, zero, peak.dof, peak.bias)
 
     @property
     def std_error(self) -> float:
@@ -69,7 +82,12 @@ def difference(name: str, upper: Torque | None, lower: Torque | None, missing: s
     if upper is None or lower is None:
         return undetermined(name, missing)
     error, dof = welch([(upper.own, upper.dof), (lower.own, lower.dof)])
-    return estimate(name, upper.value - lower.value, error, dof=dof)
+    return _estimate(name, upper.value - lower.value, upper.bias - lower.bias, error, dof)
+
+
+def _estimate(name: str, value: float, bias: float, error: float, dof: float) -> Estimate:
+    """Return an estimate whose value is as defined and whose interval allows for what the peaks are biased by."""
+    return replace(estimate(name, value - bias, error, dof=dof), value=value)
 
 
 def share(name: str, part: Torque | None, whole: Torque | None, missing: str, residual: bool) -> Estimate:
@@ -85,7 +103,10 @@ def share(name: str, part: Torque | None, whole: Torque | None, missing: str, re
     error, dof = welch(
         [(part.own / whole.value, part.dof), (ratio * whole.own / whole.value, whole.dof), (common, part.dof)]
     )
-    return estimate(name, ratio if residual else 1.0 - ratio, error, dof=dof)
+    lifted = (part.bias - ratio * whole.bias) / whole.value
+    if residual:
+        return _estimate(name, ratio, lifted, error, dof)
+    return _estimate(name, 1.0 - ratio, -lifted, error, dof)
 
 
 def ratio(name: str, output: Torque | None, source: Torque | None, missing: str) -> Estimate:
