@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate
-from pipeline.rigs.gearbox.checks import load_law
+from pipeline.rigs.gearbox.checks import load_law, same_inertia
 from pipeline.rigs.gearbox.derived import NO_OFFSET, Slope, drag_locked, lock_torque, slip_torque
 from pipeline.rigs.gearbox.friction_fit import Curve, drag_curve, shared_covariance, slip_line
 from pipeline.rigs.gearbox.inertia import LoadFit, load_parameters
@@ -17,6 +17,8 @@ from pipeline.rigs.gearbox.load_windows import Windows
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.torque_map import Transfer, pooled
 
+# Inertias that differ by more than that share of their median are not one.
+_UNLIKE = 0.1
 PHASES = ("startup", "brake", "loaded", "steady")
 
 
@@ -31,7 +33,7 @@ class CampaignNumbers:
     transfer
         The brake rises of all runs together, or where there are none the loaded FOS; `phases` those of each phase.
     load
-        J_L, d0, d1 of all runs together.
+        J_L, d0, d1 of all runs together; `mixed` where their inertias differ so much that they have no common one.
     drag, lock, slip
         T_0, M_lock, M_slip of each run, by name.
     drag_law, slip_law
@@ -47,6 +49,7 @@ class CampaignNumbers:
     slip: Mapping[str, Estimate]
     drag_law: Curve | None
     slip_law: Curve | None
+    mixed: bool = False
 
     @property
     def slope(self) -> Slope | None:
@@ -83,11 +86,24 @@ def campaign_of(runs: Sequence[RunNumbers]) -> CampaignNumbers:
         lock[run.name] = lock_torque(run.unlocking, fos_in, fos_out, slope)
         slip[run.name] = slip_torque(sos_in, sos_out, fos_in, fos_out, slope)
     load = _load(zeroed or windows, bool(zeroed))
+    reason = _mixed(runs)
+    if load is not None and reason:
+        load = replace(load, undetermined={**load.undetermined, "inertia_load": reason})
     return CampaignNumbers(
         runs, transfer, phases, load, drag, lock, slip,
         _drag_law(runs, drag, slope, load if load is not None and not load_law(windows, load).failed else None),
-        _slip_law(runs, slip, slope),
+        _slip_law(runs, slip, slope), bool(reason),
     )  # fmt: skip
+
+
+def _mixed(runs: Sequence[RunNumbers]) -> str:
+    """Say why the runs have no common inertia: they differ significantly, and by more than a tenth; empty where they have."""
+    fits = {run.name: run.load for run in runs if run.load is not None}
+    check = same_inertia(fits)
+    if check is None or not check.failed:
+        return ""
+    values = [float(fit.values[0]) for fit in fits.values()]
+    return check.text if max(values) - min(values) > _UNLIKE * float(np.median(values)) else ""
 
 
 def _load(windows: Sequence[Windows], zeroed: bool) -> LoadFit | None:

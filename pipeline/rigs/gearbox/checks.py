@@ -7,7 +7,7 @@ Faults of the raw logs are not looked for here.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,6 +113,42 @@ def dissipated_power(torque_in: Level, torque_out: Level, speed: float) -> Misfi
         _SIGMAS,
         f"locked and at steady speed the gearbox gives out {-lost:.2f} W more than it takes in: a sensor's gain, sign or "
         "offset is wrong",
+    )
+
+
+def same_inertia(fits: Mapping[str, LoadFit]) -> Misfit | None:
+    """Ask whether all runs move the same inertia, and name the run that does not.
+
+    Parameters
+    ----------
+    fits
+        Load fit of each run alone, by its name.
+
+    Returns
+    -------
+    None below two runs. The value is the largest distance of a run from all others together; its limit knows how
+    many runs were looked at.
+    """
+    known = {run: fit for run, fit in fits.items() if fit.covariance.std_error[0] > 0}
+    if len(known) < 2:
+        return None
+    value = np.array([fit.values[0] for fit in known.values()])
+    error = np.array([fit.covariance.std_error[0] for fit in known.values()])
+    weight = error**-2.0
+    # Of each run against the mean of the others.
+    others = (weight @ value - weight * value) / (weight.sum() - weight)
+    distance = (value - others) / np.sqrt(error**2 + 1.0 / (weight.sum() - weight))
+    odd = int(np.argmax(np.abs(distance)))
+    dof = min(fit.covariance.dof for fit in known.values())
+    runs = list(known)
+    who = f"run {runs[odd]} moves {1e3 * value[odd]:.4g} g m2, the others {1e3 * others[odd]:.4g} g m2"
+    if len(runs) == 2:
+        who = f"run {runs[0]} moves {1e3 * value[0]:.4g} g m2, run {runs[1]} {1e3 * value[1]:.4g} g m2"
+    return Misfit(
+        "inertia of the runs",
+        float(distance[odd]),
+        t_quantile(dof, 1.0 - (1.0 - _LEVEL) / len(runs)),
+        f"the runs do not move the same inertia: {who}. Another flywheel, another gain of torque_out, or a brake that rubs",
     )
 
 

@@ -20,7 +20,10 @@ from pipeline.rigs.gearbox.record import COUNT, SPEED, TORQUES, Record
 _CLEAR = 0.1
 # Of the top speed: what runs faster is near the nominal state.
 _FAST = 0.8
-_DECODINGS = (0.25, 0.5, 2.0, 4.0)
+_DECODINGS = (0.125, 0.25, 0.5, 2.0, 4.0, 8.0)
+# Locked, the output torque is no thousandth of the input torque nor a hundred times it: then their units differ.
+_UNLIKE = (0.005, 30.0)
+_SCALES = {1e3: "a thousand", 1e6: "a million"}
 _UNITS = {60.0 / (2.0 * math.pi): "rpm", 1.0 / (2.0 * math.pi): "Hz"}
 # A factor between what was read and what was set is recognised within that share.
 _NEAR = 0.08
@@ -57,7 +60,7 @@ def input_faults(record: Record, counts: Counts | None = None) -> list[QualityFi
     if stretch is None:
         text = "the output shaft never turns: no stage can be told. Look whether the encoder is connected and mapped"
         return [QualityFinding("error", text, record.run, COUNT if record.has_counts else SPEED)]
-    return [*_signs(record, stretch), *_swapped(record, stretch), *_speed(record, stretch)]
+    return [*_signs(record, stretch), *_units(record, stretch), *_swapped(record, stretch), *_speed(record, stretch)]
 
 
 def fast_stretch(record: Record, counts: Counts) -> FastStretch | None:
@@ -94,8 +97,27 @@ def _signs(record: Record, stretch: FastStretch) -> list[QualityFinding]:
     return found
 
 
+def _units(record: Record, stretch: FastStretch) -> list[QualityFinding]:
+    """Return torques whose ratio tells that one of them is in another unit than the other."""
+    if min(stretch.torque_in, stretch.torque_out) <= 0:
+        return []
+    ratio = stretch.torque_out / stretch.torque_in
+    if _UNLIKE[0] < ratio < _UNLIKE[1]:
+        return []
+    scale = min(_SCALES, key=lambda one: abs(abs(math.log10(ratio)) + 0.5 - math.log10(one)))
+    small, large = ("torque_in", "torque_out") if ratio > 1.0 else ("torque_out", "torque_in")
+    text = (
+        f"torque_in is {stretch.torque_in:.3g} N m and torque_out {stretch.torque_out:.3g} N m at equal speed: one of them is in another "
+        f"unit than declared, by about {_SCALES[scale]} ({small} too small, or {large} too large: N m against mN m?). Give the unit of "
+        "both in the recipe"
+    )
+    return [QualityFinding("error", text, record.run, small, stretch.span)]
+
+
 def _swapped(record: Record, stretch: FastStretch) -> list[QualityFinding]:
     excess = stretch.torque_out - stretch.torque_in
+    if stretch.torque_out > _UNLIKE[1] * stretch.torque_in:
+        return []
     if min(stretch.torque_in, stretch.torque_out) <= 0 or excess < 0.5 * _CLEAR * stretch.largest:
         return []
     text = (

@@ -13,13 +13,13 @@ from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.gearbox.arrays import arrays_of
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers, campaign_of
-from pipeline.rigs.gearbox.checks import Misfit, load_law, run_order
+from pipeline.rigs.gearbox.checks import Misfit, load_law, run_order, same_inertia
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
 from pipeline.rigs.gearbox.faults import errors_of, input_faults
 from pipeline.rigs.gearbox.parameters import models_of, parameters_of
 from pipeline.rigs.gearbox.published import published
 from pipeline.rigs.gearbox.record import record_of
-from pipeline.rigs.gearbox.run_faults import run_faults
+from pipeline.rigs.gearbox.run_faults import run_faults, speed_faults
 from pipeline.rigs.gearbox.run_numbers import RunNumbers, numbers_of
 from pipeline.rigs.gearbox.verdict import judge
 from pipeline.rigs.gearbox.vibration_numbers import VibrationNumbers, vibration_of
@@ -52,7 +52,7 @@ def identify(recordings: Sequence[Recording], settings: LoadExchangeSettings, co
     runs.quality = list(dict.fromkeys([*runs.quality, *_campaign_faults(campaign)]))
     levels = [level for run in runs.numbers for level in runs.vibration[run.name].levels]
     parameters = parameters_of(campaign, levels, settings)
-    said = judge(campaign, runs.vibration, runs.left_out, runs.quality, settings)
+    said = judge(campaign, parameters, runs.vibration, runs.left_out, runs.quality, settings)
     return Findings(
         campaign=context.campaign,
         experiment="gearbox.load_exchange",
@@ -91,6 +91,8 @@ def _sort(recording: Recording, runs: _Sorted) -> None:
     vibration = VibrationNumbers()
     if not errors_of(found):
         numbers = numbers_of(record)
+        found += speed_faults(numbers)
+    if numbers is not None and not errors_of(found):
         vibration = vibration_of(numbers)
         found += run_faults(numbers, vibration)
     runs.quality += found
@@ -108,11 +110,11 @@ def _campaign_faults(campaign: CampaignNumbers) -> list[QualityFinding]:
     windows = [run.windows for run in campaign.runs if run.windows is not None]
     if load is None:
         return []
-    misfits: list[Misfit | None] = [load_law(windows, load)]
-    single = [run.load for run in campaign.runs if run.load is not None]
-    if len(single) > 3:
-        values = np.array([float(one.values[0] - load.values[0]) for one in single])
-        errors = np.array([float(one.covariance.std_error[0]) for one in single])
+    single = {run.name: run.load for run in campaign.runs if run.load is not None}
+    misfits: list[Misfit | None] = [load_law(windows, load), same_inertia(single)]
+    if len(single) > 3 and not campaign.mixed:
+        values = np.array([float(one.values[0] - load.values[0]) for one in single.values()])
+        errors = np.array([float(one.covariance.std_error[0]) for one in single.values()])
         misfits.append(run_order(values, errors, "the load's inertia", "kg m2"))
     return [
         QualityFinding("warning", f"{one.text} ({one.value:+.1f} {one.unit}, limit {one.limit:.1f})")

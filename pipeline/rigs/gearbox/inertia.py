@@ -145,10 +145,7 @@ def _undetermined(values: np.ndarray, covariance: Covariance) -> dict[str, str]:
     error = covariance.std_error
     for name, value, sd, (least, most) in zip(NAMES, values, error, _POSSIBLE, strict=True):
         if value < least - _BEYOND * sd or value > most + _BEYOND * sd:
-            reason = (
-                f"{name} would be {value:.2g}, which no bench has ({least:g} to {most:g}): counts, torques or their clocks "
-                "do not go together in these runs"
-            )
+            reason = f"{name} would be {value:.2g}, which no bench has ({least:g} to {most:g}): {_cause(values)}"
             return dict.fromkeys(NAMES, reason)
     reasons = {
         "inertia_load": "the load hardly accelerates in these runs",
@@ -156,6 +153,14 @@ def _undetermined(values: np.ndarray, covariance: Covariance) -> dict[str, str]:
         "drag_viscous": "the runs hold too few speeds",
     }
     return {name: reasons[name] for name, v, e in zip(NAMES, values, error, strict=True) if not e < abs(v)}
+
+
+def _cause(values: np.ndarray) -> str:
+    """Say what makes an impossible inertia."""
+    for factor, told in ((1e3, "a thousandth of"), (1e-3, "a thousand times")):
+        if all(least <= factor * value <= most for value, (least, most) in zip(values, _POSSIBLE, strict=True)):
+            return f"torque_out reads {told} what a plausible load needs, so look at its unit (N m against mN m)"
+    return "counts, torques or their clocks do not go together in these runs"
 
 
 def _noise(windows: Windows, residual: np.ndarray) -> Noise:

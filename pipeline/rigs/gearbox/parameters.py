@@ -21,6 +21,7 @@ from pipeline.rigs.gearbox.vibration_numbers import StageLevel
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 _SIDES = ("in", "out")
+_BOTH = ("torque_in", "torque_out")
 _EVENTS = ("startup", "brake_onset", "unlock", "sos_start", "sos_end", "relock", "rundown")
 _NO_FOS = "there is no settled FOS"
 _NO_SOS = "there is no settled SOS: the output never stood under load"
@@ -172,7 +173,7 @@ def _torques(run: RunNumbers, settings: LoadExchangeSettings) -> list[Parameter]
             at: OperatingPoint = {"run": run.name, "stage": stage}
             level = run.levels.get((quantity, stage))
             if level is None:
-                one = undetermined(f"{quantity}_nominal", f"there is no settled stage '{stage}'")
+                one = undetermined(f"{quantity}_nominal", _no_level(run, quantity, stage))
             elif unknown:
                 one = Estimate(f"{quantity}_nominal", level.value)
             else:
@@ -214,24 +215,31 @@ def _shares(run: RunNumbers) -> list[Parameter]:
     for side in _SIDES:
         quantity = f"torque_{side}"
         sos, peak = run.level(quantity, "sos"), run.peak(quantity, "brake")
-        missing = _no_peak(run, quantity, "brake") if peak is None else _NO_SOS
+        missing = _no_peak(run, quantity, "brake") if peak is None else _missing(run, "sos", quantity)
         found.append(share(f"torque_relief_{side}", sos, peak, missing, residual=False))
         found.append(share(f"torque_residual_{side}", sos, peak, missing, residual=True))
         start, fos = run.peak(quantity, "startup"), run.level(quantity, "fos")
         found.append(
             difference(
-                f"startup_excess_{side}", start, fos, _no_peak(run, quantity, "startup") if start is None else _NO_FOS
+                f"startup_excess_{side}",
+                start,
+                fos,
+                _no_peak(run, quantity, "startup") if start is None else _missing(run, "fos", quantity),
             )
         )
     peak, sos, fos = run.peak("torque_in", "brake"), run.level("torque_in", "sos"), run.level("torque_in", "fos")
     no_peak = _no_peak(run, "torque_in", "brake")
-    found.append(difference("breakaway_drop_in", peak, sos, no_peak if peak is None else _NO_SOS))
-    found.append(difference("breakaway_rise_in", peak, fos, no_peak if peak is None else _NO_FOS))
-    found.append(ratio("efficiency_fos", run.level("torque_out", "fos"), fos, _NO_FOS))
-    found.append(ratio("torque_ratio_sos", run.level("torque_out", "sos"), sos, _NO_SOS))
+    found.append(
+        difference("breakaway_drop_in", peak, sos, no_peak if peak is None else _missing(run, "sos", "torque_in"))
+    )
+    found.append(
+        difference("breakaway_rise_in", peak, fos, no_peak if peak is None else _missing(run, "fos", "torque_in"))
+    )
+    found.append(ratio("efficiency_fos", run.level("torque_out", "fos"), fos, _missing(run, "fos", *_BOTH)))
+    found.append(ratio("torque_ratio_sos", run.level("torque_out", "sos"), sos, _missing(run, "sos", *_BOTH)))
     told = [parameter(each, at) for each in found]
     speed = run.speed_in
-    missing = _NO_SOS if sos is None else "the input speed in SOS is not known"
+    missing = _missing(run, "sos", "torque_in") if sos is None else "the input speed in SOS is not known"
     if speed is None:
         return [*told, parameter(undetermined("power_dissipated_sos", missing), at)]
     if speed.source == "nominal":
@@ -240,6 +248,22 @@ def _shares(run: RunNumbers) -> list[Parameter]:
     else:
         one, remark = power("power_dissipated_sos", sos, speed.value, speed.std_error, missing), speed.told
     return [*told, parameter(one, at, remark if one.determined else "")]
+
+
+def _no_level(run: RunNumbers, quantity: str, stage: str) -> str:
+    """Say why a stage has no nominal torque."""
+    if (quantity, stage) in run.torques.cut:
+        return f"{quantity} is saturated in {stage.upper().replace('_', ' ')}: only a lower bound of its level is known"
+    if stage in run.run.stages:
+        start, end = run.run.stages[stage]
+        return f"stage '{stage}' lasts {end - start:.2g} s: too short for a nominal value, which takes two turns and 0.5 s settled"
+    return {"fos": "there is no FOS", "sos": _NO_SOS}.get(stage, f"there is no stage '{stage}'")
+
+
+def _missing(run: RunNumbers, stage: str, *quantities: str) -> str:
+    """Say why a number that needs levels of a stage is missing: the reason of the first level that is."""
+    lacking = [quantity for quantity in quantities if (quantity, stage) not in run.levels]
+    return _no_level(run, (lacking or list(quantities))[0], stage)
 
 
 def _no_peak(run: RunNumbers, quantity: str, stage: str) -> str:
@@ -274,6 +298,8 @@ def _lock(run: RunNumbers, campaign: CampaignNumbers) -> list[Parameter]:
         by_input = slip_torque_by_input(sos.value, drag.value)
         told = f"T_out/a, the output held; T_in less the drag found while locked gives {by_input:.3f} N m"
     lock = campaign.lock[run.name]
+    if "sos" in run.run.stages and not slip.determined and ("torque_out", "sos") not in run.levels:
+        slip = undetermined("slip_torque", _missing(run, "sos", "torque_out"))
     if run.saturated("torque_in", "brake"):
         lock = undetermined("lock_torque", _no_peak(run, "torque_in", "brake"))
     return [

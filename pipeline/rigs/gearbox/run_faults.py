@@ -15,6 +15,7 @@ from pipeline.rigs.gearbox.checks import Misfit, dissipated_power, inertia_parts
 from pipeline.rigs.gearbox.record import COUNT, SPEED, TORQUES
 from pipeline.rigs.gearbox.ripple import learn
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
+from pipeline.rigs.gearbox.shaft_speed import mistake, true_speed
 from pipeline.rigs.gearbox.sos_speed import teeth_in
 from pipeline.rigs.gearbox.stages import Problem
 from pipeline.rigs.gearbox.teeth import assembly_faults, interference_warnings
@@ -23,7 +24,11 @@ from pipeline.rigs.gearbox.vibration_numbers import VibrationNumbers
 # Output torque in FOS that grows by more than that share: the brake may still rub. Less is warming up or drift, a
 # warning from the second share on.
 _HELD, _DRIFTS = 0.15, 0.05
-_WARMS = "the zero is the same at both ends of the run, so bearings or gears warm up"
+# The encoder agrees with the speed that was set within that share.
+_SET = 0.15
+_WARMS = (
+    "its zero was read at both ends of the run, so bearings or gears warm up, or the zero moves in no straight line"
+)
 _OPEN = (
     "its zero drifts, or bearings warm up, which a standstill at the end of the log would tell. All torques of this channel, and "
     "what follows from them, carry that in their intervals, and the load fit leaves it out"
@@ -55,6 +60,30 @@ def _told(run: RunNumbers, problems: Iterable[Problem], channel: str | None) -> 
         )
         for problem in problems
     ]
+
+
+def speed_faults(run: RunNumbers) -> list[QualityFinding]:
+    """Tell an encoder, or a unit of speed, that ripple and mesh lines contradict."""
+    true = true_speed(run.record, run.run, run.torques.steady)
+    if true is None:
+        return []
+    channel = COUNT if run.record.has_counts else SPEED
+    known, counted = mistake(true.factor), run.run.speed_nominal
+    set_ = run.record.speed_nominal
+    told = f"the shafts turn {true.factor:.3g} times as fast as the encoder says ({counted:.4g} rad/s in FOS): {true.shown_by}"
+    if run.record.has_counts:
+        cause = (
+            f"encoder_ppr times encoder_decoding ({run.record.counts_per_turn:g} counts a turn) is wrong by that factor; "
+            f"{run.record.counts_per_turn / (known or true.factor):.4g} fits"
+        )
+    else:
+        units = {math.pi / 30.0: "rpm", 2.0 * math.pi: "Hz"}
+        cause = f"the speed is in {units[known]} and not in rad/s" if known in units else "look at its unit and scale"
+    borne_out = set_ is not None and abs(counted / set_ - 1.0) < _SET
+    grave: Level_ = "error" if known is not None and not borne_out else "warning"
+    if borne_out:
+        cause = f"yet speed_nominal bears the encoder out; if both are wrong, {cause}"
+    return [QualityFinding(grave, f"{told}; {cause}", run.name, channel, run.run.stages.get("fos"))]
 
 
 def _saturated(run: RunNumbers) -> list[QualityFinding]:

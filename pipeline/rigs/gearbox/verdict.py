@@ -1,7 +1,8 @@
 """The verdict on a campaign of load exchange, its reasons in plain words, what to measure next (gearbox.md, 7).
 
 rejected  no run gives a number: every one is left out.
-warning   runs left out, steps of the protocol missing, offsets unknown, a torque map whose slope is not 1, or any other warning.
+warning   runs left out, steps of the protocol or core numbers missing, offsets unknown, a torque map whose slope is not 1, or any
+          other warning.
 ok        none of these.
 """
 
@@ -11,14 +12,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pipeline.errors import counted, listing
-from pipeline.findings import Verdict
+from pipeline.findings import Parameter, Verdict
 from pipeline.recording import QualityFinding
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
+from pipeline.rigs.gearbox.core_numbers import missing
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.vibration_numbers import VibrationNumbers
 
 _TOLD = 4
+# Inertias that differ by less are one; shaft, coupling and brake disc add up to the second share to a flywheel.
+_ALIKE, _MORE = 0.05, 0.25
 
 
 @dataclass
@@ -37,6 +41,7 @@ class Judgement:
 
 def judge(
     campaign: CampaignNumbers,
+    parameters: Sequence[Parameter],
     vibration: Mapping[str, VibrationNumbers],
     left_out: Mapping[str, str],
     quality: Sequence[QualityFinding],
@@ -49,6 +54,8 @@ def judge(
     _sensors(said, campaign, settings)
     _input_speed(said, campaign)
     _inertia(said, campaign)
+    for sentence in missing(parameters):
+        said.warn(sentence)
     for run, reason in list(left_out.items())[:_TOLD]:
         said.warn(f"Run {run} is left out: {_ended(reason)}")
     if len(left_out) > _TOLD:
@@ -95,9 +102,7 @@ def _locked(said: Judgement, campaign: CampaignNumbers, vibration: Mapping[str, 
 def _sensors(said: Judgement, campaign: CampaignNumbers, settings: LoadExchangeSettings) -> None:
     transfer = campaign.transfer
     if transfer is None:
-        said.reasons.append(
-            "The sensors' consistency cannot be checked: no brake rise gives the slope of the torque map."
-        )
+        said.warn("The sensors' consistency cannot be checked: no brake rise gives the slope of the torque map.")
         return
     off = abs(transfer.slope - 1.0)
     told = f"The torque map has slope {transfer.slope:.3f} ± {1.96 * transfer.slope_error:.2g}"
@@ -123,8 +128,12 @@ def _input_speed(said: Judgement, campaign: CampaignNumbers) -> None:
         by.setdefault(run.speed_in.source if run.speed_in else "nominal", []).append(run)
     words = {"measured": "measured", "mesh lines": "estimated from the mesh lines", "nominal": "assumed nominal"}
     told = "; ".join(f"{words[source]} in {_names(runs)}" for source, runs in by.items())
-    said.reasons.append(f"The input speed in SOS is {told}.")
-    if "nominal" in by:
+    if "nominal" not in by:
+        said.reasons.append(f"The input speed in SOS is {told}.")
+    else:
+        said.warn(
+            f"The input speed in SOS is {told}: the power dissipated is an upper limit there, since a drive may droop by tens of percent."
+        )
         said.advice.append(
             "Log the input speed, or vibration at 2.5 kHz or more: the power in SOS rests on an assumed input speed."
         )
@@ -133,7 +142,12 @@ def _input_speed(said: Judgement, campaign: CampaignNumbers) -> None:
 def _inertia(said: Judgement, campaign: CampaignNumbers) -> None:
     load = campaign.load
     if load is None or "inertia_load" in load.undetermined:
-        said.warn("The load's inertia cannot be told: the output hardly accelerates with a free brake in these logs.")
+        why = (
+            "the output hardly accelerates with a free brake in these logs"
+            if load is None
+            else load.undetermined["inertia_load"]
+        )
+        said.warn(f"The load's inertia cannot be told: {_ended(why)}")
         return
     value, error = float(load.values[0]), float(load.covariance.std_error[0])
     known = [
@@ -148,8 +162,21 @@ def _inertia(said: Judgement, campaign: CampaignNumbers) -> None:
             "Repeat one run with a known added inertia: it separates the load's inertia from the gain of torque_out."
         )
         return
-    ratio = value / known[0]
-    said.reasons.append(f"{told}: {ratio:.3f} times the flywheel's stated {1e3 * known[0]:.4g} g m2.")
+    low, high = min(known), max(known)
+    if high > (1.0 + _ALIKE) * low:
+        said.reasons.append(f"{told}; the runs state different flywheels, {1e3 * low:.4g} to {1e3 * high:.4g} g m2.")
+        return
+    ratio, spread = value / known[0], 3.0 * error / known[0]
+    words = f"{told}: {ratio:.3f} times the flywheel's stated {1e3 * known[0]:.4g} g m2"
+    if ratio < 1.0 - _ALIKE - spread:
+        said.warn(
+            f"{words}. What turns behind the sensor is more than the flywheel and not less: the gain of torque_out is "
+            f"{ratio:.3g} of what it should be or less, or the stated inertia is wrong."
+        )
+    elif ratio > 1.0 + _MORE + spread:
+        said.warn(f"{words}: shaft and coupling add little, so the gain of torque_out or the stated inertia is wrong.")
+    else:
+        said.reasons.append(f"{words}.")
 
 
 def _ended(sentence: str) -> str:

@@ -1,0 +1,72 @@
+"""The numbers for which a run of the load exchange is made, and which of them a report lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pipeline.errors import counted, listing
+from pipeline.findings import Parameter
+
+# (name, stage) of a run; a report without one of them, or without its interval, is not whole.
+OF_RUN = (
+    ("torque_in_nominal", "fos"),
+    ("torque_out_nominal", "fos"),
+    ("torque_in_nominal", "sos"),
+    ("torque_out_nominal", "sos"),
+    ("torque_in_peak", "brake"),
+    ("torque_out_peak", "brake"),
+    ("efficiency_fos", None),
+    ("torque_ratio_sos", None),
+    ("power_dissipated_sos", None),
+    ("speed_in_sos", None),
+    ("lock_torque", None),
+    ("slip_torque", None),
+    ("inertia_load", None),
+)
+OF_CAMPAIGN = ("inertia_load", "drag_coulomb", "torque_transfer_slope")
+
+
+def missing(parameters: Sequence[Parameter]) -> list[str]:
+    """Return a sentence for each reason for which core numbers lack a value or an interval.
+
+    Parameters
+    ----------
+    parameters
+        Of the findings.
+
+    Notes
+    -----
+    Of the inertia, that of the campaign counts; a run of its own may be too short to tell it.
+    """
+    without: dict[str, tuple[list[str], list[str]]] = {}
+    for one in parameters:
+        run = one.at.get("run")
+        core = (
+            (one.name, one.at.get("stage")) in OF_RUN and "phase" not in one.at
+            if run
+            else one.name in OF_CAMPAIGN and not one.at
+        )
+        if not core or (one.value is not None and one.ci95 is not None):
+            continue
+        stage = one.at.get("stage")
+        name = f"{one.name} ({stage})" if stage else one.name
+        reason = one.description.split(";")[0].rstrip(".") if one.value is None else f"no interval: {_why(one)}"
+        names, runs = without.setdefault(reason, ([], []))
+        if name not in names:
+            names.append(name)
+        if run and str(run) not in runs:
+            runs.append(str(run))
+    return [
+        f"Missing {'in ' + _some(runs) if runs else 'in the campaign'}: {listing(names, 16)} ({reason})."
+        for reason, (names, runs) in without.items()
+    ]
+
+
+def _why(one: Parameter) -> str:
+    """Return what the description says about the missing interval: what stands behind the quantity's own words."""
+    told = [part.strip() for part in one.description.split(";")[1:]]
+    return next((part for part in told if part), "it is not known").rstrip(".")
+
+
+def _some(runs: Sequence[str]) -> str:
+    return f"run {runs[0]}" if len(runs) == 1 else f"{counted(len(runs), 'run')} ({listing(runs, 8)})"
