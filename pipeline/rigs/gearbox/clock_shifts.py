@@ -28,6 +28,8 @@ _RATE, _WINDOW, _FEWEST = 100.0, 0.2, 50
 # The parts of a run agree within this; what a smooth bend leaves open on a shift, s; what mesh noise leaves open, as a
 # share of how long slip takes to come or go.
 _NEAR, _BEND, _MESH = 0.15, 0.01, 0.1
+# A shift that the motion as a whole tells is right within this, s.
+_ROUGH = 0.4
 # The shaft bends away already while the lock still holds: the peak of the torque is surely this near, s.
 _UNLOCK = 0.03
 _POWERS = (1, 2, 3)
@@ -45,14 +47,19 @@ class Part:
     misfit: float = 0.0
 
 
-def encoder_parts(record: Record, counts: Counts, stages: Sequence[Stage]) -> list[Part]:
-    """Return the shifts of the parts of a run: first about, from all of it, then of each part near that."""
+def encoder_parts(record: Record, counts: Counts, stages: Sequence[Stage], guess: float | None = None) -> list[Part]:
+    """Return the shifts of the parts of a run: first about, from all of it, then of each part near that.
+
+    `guess` is a shift (s) that the motion as a whole tells roughly, None where it tells none.
+    """
     free = _FreeMotion(record, counts, stages)
     unlocks = [part for stage in stages if stage.name == "sos" for part in _unlocked(record, counts, stages, stage)]
+    if guess is not None:
+        unlocks = [part for part in unlocks if abs(part.shift - guess) < _ROUGH]
     if unlocks:
         about = float(np.median([part.shift for part in unlocks]))
     else:
-        common = free.shift(free.spans, (-_FAR, _FAR))
+        common = free.shift(free.spans, (-_FAR, _FAR) if guess is None else (guess - _ROUGH, guess + _ROUGH))
         if common is None:
             return []
         about = common.shift

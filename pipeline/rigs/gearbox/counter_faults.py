@@ -37,25 +37,21 @@ def mended(time: np.ndarray, counts: np.ndarray, turn: float) -> tuple[np.ndarra
     spikes = np.flatnonzero(
         (np.abs(steps[:-1]) > limit) & (np.abs(steps[1:]) > limit) & (np.abs(steps[:-1] + steps[1:]) <= limit)
     )
-    for i in spikes + 1:
-        counts[i] = np.round(0.5 * (counts[i - 1] + counts[i + 1]))
+    for spike in spikes + 1:
+        counts[spike] = np.round(0.5 * (counts[spike - 1] + counts[spike + 1]))
     if spikes.size:
         text = f"{spikes.size} single encoder samples far off their neighbours are left out"
         problems.append(Problem((float(time[spikes[0] + 1]), float(time[spikes[-1] + 1])), text))
     steps = np.diff(counts)
-    typical = float(
-        np.median(
-            steps[(steps != 0) & (np.abs(steps) <= limit)],
-        )
-    )
+    typical = float(np.median(steps[(steps != 0) & (np.abs(steps) <= limit)]))
     wraps, jumps = list[int](), list[int]()
-    for i in np.flatnonzero(np.abs(steps) > limit):
+    for i in np.flatnonzero(np.abs(steps) > limit).tolist():
         modulus = next((m for m in (*_MODULI, turn) if abs(abs(steps[i]) - m) <= limit and m > 2 * limit), None)
         if modulus is not None and np.sign(steps[i]) != np.sign(typical):
             steps[i] -= np.sign(steps[i]) * modulus
-            wraps.append(int(i))
+            wraps.append(i)
         else:
-            jumps.append(int(i))
+            jumps.append(i)
     whole = np.sign(typical) * np.concatenate([[0.0], np.cumsum(steps)])
     usual_time = usual_update(time, whole)
     for i in jumps:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.estimation.uncertainty import effective_size
 from pipeline.rigs.gearbox.counter_faults import direction, held, mended
 from pipeline.rigs.gearbox.counter_losses import bridged
 from pipeline.rigs.gearbox.record import COUNT, SPEED, Record
@@ -18,6 +19,8 @@ from pipeline.rigs.gearbox.stages import Problem
 
 # A speed is fitted over this time, so many counts and so many samples at the least.
 _WINDOW, _COUNTS, _SAMPLES = 0.1, 30, 4
+# Samples between two gaps that make a piece of a line.
+_FEWEST = 10
 # A logged speed without steps has so many different values for its samples; below this share of top speed it stands.
 _ANALOGUE, _SLOW = 0.2, 0.03
 # The shaft stands where no count comes for this time and so many periods of a count at top speed.
@@ -73,6 +76,30 @@ class Counts:
         for start, end in self.gaps:
             angle[(time > start) & (time < end)] = np.nan
         return np.asarray(angle)
+
+    def rate(self, start: float, end: float) -> tuple[float, float]:
+        """Return the mean speed from `start` to `end` and its standard error, rad/s; NaN where counts are few.
+
+        A straight line with one slope throughout and a level of its own between gaps: counts that were lost
+        move the level and not the slope.
+        """
+        inside = (self.time >= start) & (self.time <= end)
+        time, angle = self.time[inside], self.angle[inside]
+        piece = np.searchsorted(np.array([0.5 * (a + b) for a, b in self.gaps]), time)
+        kept = np.isin(piece, [k for k in np.unique(piece) if np.sum(piece == k) >= _FEWEST])
+        time, angle, piece = time[kept], angle[kept], piece[kept]
+        if time.size < 2 * _FEWEST:
+            return math.nan, math.nan
+        for k in np.unique(piece):
+            own = piece == k
+            time[own] -= time[own].mean()
+            angle[own] -= angle[own].mean()
+        spread = float(time @ time)
+        slope = float(time @ angle) / spread
+        rest = angle - slope * time
+        pieces = np.unique(piece).size
+        count = max(effective_size(rest, pieces) - 1.0 - pieces, 1.0)
+        return slope, math.sqrt(float(rest @ rest) / spread / count)
 
     def whole(self, start: float, end: float) -> bool:
         """Tell whether the counter told the angle all the way from `start` to `end`."""

@@ -13,11 +13,11 @@ from pipeline.rigs.gearbox.stages import Problem, Stage, StageName
 _FOLLOWS: dict[StageName, tuple[StageName, ...]] = {
     "standstill": ("startup",),
     "startup": ("fos",),
-    "fos": ("brake", "rundown", "fos_loaded"),
+    "fos": ("brake", "rundown", "fos_loaded", "stall"),
     "fos_loaded": ("fos", "fos_after", "brake", "rundown"),
-    "brake": ("sos",),
+    "brake": ("sos", "stall"),
     "sos": ("release",),
-    "stall": ("startup", "release"),
+    "stall": ("startup", "release", "standstill"),
     "release": ("fos_after",),
     "fos_after": ("brake", "rundown", "fos_loaded"),
     "rundown": ("standstill",),
@@ -63,7 +63,7 @@ def _order(stages: Sequence[Stage]) -> list[Problem]:
     problems = []
     seen = False
     for before, after in pairwise(stages):
-        rest_at_end = before.name == "standstill" and seen
+        rest_at_end = before.name == "standstill" and seen and after.name != "startup"
         seen = seen or before.name == "startup"
         if after.name in _FOLLOWS[before.name] and not rest_at_end:
             continue
@@ -82,15 +82,31 @@ def _order(stages: Sequence[Stage]) -> list[Problem]:
 
 def _extra(stages: Sequence[Stage]) -> list[Problem]:
     problems = []
-    for stage in [stage for stage in stages if stage.name == "sos"][1:]:
+    starts = [stage for stage in stages if stage.name == "startup"]
+    ends = [stage.start for stage in starts[1:]] + [stages[-1].end]
+    for k, stage in enumerate(starts[1:], start=2):
         text = (
-            f"a further brake cycle: the output is held again from {stage.start:.2f} to {stage.end:.2f} s; the run's SOS "
-            "values are those of the first cycle"
+            f"the motor is started again at {stage.start:.2f} s: the log holds {len(starts)} runs, and this is run {k}; values are "
+            "those of the first. Cut the log into one recording a run"
+        )
+        problems.append(Problem((stage.start, ends[k - 1]), text))
+    k = 0
+    for stage in stages:
+        # Another run has its own first cycle.
+        k = 0 if stage.name == "startup" else k + (stage.name == "sos")
+        if stage.name != "sos" or k < 2:
+            continue
+        text = (
+            f"a further brake cycle: the output is held again from {stage.start:.2f} to {stage.end:.2f} s (cycle {k}); the run's SOS "
+            "values are those of the first cycle, the load's inertia and drag those of all"
         )
         problems.append(Problem((stage.start, stage.end), text))
     for stage in stages:
         if stage.name == "stall":
-            text = "the output stands under torque without mesh noise: the motor is stalled, this is no SOS"
+            text = (
+                f"the output stands under torque without mesh noise from {stage.start:.2f} to {stage.end:.2f} s: the motor is stalled, "
+                "this is no SOS. The brake holds, or the lock carries, more than the drive gives"
+            )
             problems.append(Problem((stage.start, stage.end), text))
     return problems
 
@@ -100,6 +116,13 @@ def _missing(stages: Sequence[Stage]) -> list[Problem]:
     whole = (stages[0].start, stages[-1].end)
     loaded = [stage for stage in stages if stage.name == "fos_loaded"]
     if "sos" not in names and "fos" in names:
+        if "stall" in names:
+            stall = next(stage for stage in stages if stage.name == "stall")
+            text = (
+                f"step 4 of the protocol is missing: the output stopped at {stall.start:.2f} s, but the input stopped with it (stall); "
+                "the lock did not break, so there is no SOS"
+            )
+            return [Problem((stall.start, stall.end), text)]
         if loaded:
             span = (loaded[0].start, loaded[-1].end)
             text = (

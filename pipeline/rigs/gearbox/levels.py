@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.rigs.gearbox.motion import Span
 from pipeline.rigs.gearbox.record import Record, Signal
-from pipeline.rigs.gearbox.stages import Stage, StageName
+from pipeline.rigs.gearbox.stages import Problem, Stage, StageName
 from pipeline.signals.periodogram import block_means
 
 _RATE = 100.0
@@ -19,6 +19,12 @@ _LOADED = 0.25
 _PEAK, _NEAR = 1.2, 0.5
 # Without mesh noise the input stands too: vibration above 20 Hz within this factor of that in FOS.
 _QUIET, _HIGH_PASS = 1.25, 0.05
+# Mesh noise elsewhere in the run, this strong for so long (s), is no stall's: the clocks of the boards do not agree.
+_NOISY, _ELSEWHERE = 2.0, 1.0
+# A stand shorter than that (s) goes with a step of the input torque by this share of that of FOS, or is none.
+_HELD, _DROP = 0.5, 0.15
+# The lock breaks this long before the output stands at the most, s.
+_BREAKS = 2.0
 # An input that is measured stands below this share of its top speed.
 _TURNS = 0.05
 # A loaded stretch of FOS: torque above the unloaded level by this share and so many sigmas, so long (s).
@@ -55,6 +61,42 @@ class Levels:
                 out.append(span)
         return out
 
+    def hesitations(self, spans: Sequence[Span]) -> tuple[list[Span], list[Problem]]:
+        """Give short stands amid motion to the motion where the input torque shows no step as they begin.
+
+        An output that is stopped breaks the lock, and the input torque drops by what the peak stood above the
+        slip; a counter that is frozen leaves the torque as it was.
+        """
+        base, running, _ = self._scale(spans)
+        out: list[Span] = []
+        problems = []
+        for i, span in enumerate(spans):
+            amid = 0 < i < len(spans) - 1 and {spans[i - 1].state, spans[i + 1].state} == {"moving"}
+            if (
+                span.state == "zero"
+                and amid
+                and span.end - span.start < _HELD
+                and not self._drops(span, running - base)
+            ):
+                text = (
+                    f"no count comes for {span.end - span.start:.2f} s and no step of the input torque goes with it: taken for a "
+                    "counter that was frozen, not for a stop"
+                )
+                problems.append(Problem((span.start, span.end), text))
+                span = replace(span, state="moving")
+            if out and span.state == out[-1].state == "moving":
+                span = replace(out.pop(), end=span.end)
+            out.append(span)
+        return out, problems
+
+    def _drops(self, span: Span, running: float, reach: float = 0.3) -> bool:
+        before = self.torque_in[(self.time >= span.start - reach) & (self.time <= span.start)]
+        inside = self.torque_in[(self.time >= span.start + 0.05) & (self.time <= max(span.end, span.start + 0.1))]
+        if not before.size or not inside.size:
+            return True
+        sign = np.sign(running) or 1.0
+        return bool(np.max(sign * before) - np.median(sign * inside) > _DROP * abs(running))
+
     def standing(self, spans: Sequence[Span]) -> dict[int, StageName]:
         """Tell of every standing span, by its index, whether the shaft is at rest, held, or stalled with the motor.
 
@@ -85,6 +127,23 @@ class Levels:
         way = max((*standing, running), key=lambda level: abs(level - base)) - base
         return base, running, way if way else 1.0
 
+    def breaks_away(self, stage: Stage, running: Stage) -> bool:
+        """Tell whether the input torque fell from a peak as the output stopped: the lock broke, the input turned on."""
+        base = min((self.torque_in[0], self.torque_in[-1]), key=abs)
+        span = Span("zero", stage.start, stage.end, 0.0)
+        return self._drops(span, self.of(running) - float(base), _BREAKS)
+
+    def elsewhere(self, span: Span | Stage) -> tuple[float, float] | None:
+        """Return where mesh noise lies that a quiet stand of the output should have, s; None where there is none."""
+        if self.vibration is None or self.speed_in is not None or not self.restless(span.start, span.end) < _QUIET:
+            return None
+        time = self.vibration.time
+        noisy = np.max(list(self.vibration.values.values()), axis=0) > _NOISY
+        noisy &= (time < span.start) | (time > span.end)
+        if noisy.sum() * float(np.median(np.diff(time))) < _ELSEWHERE:
+            return None
+        return float(time[noisy][0]), float(time[noisy][-1])
+
     def _quiet(self, span: Span) -> bool:
         """Tell whether the input stands too: by its speed where that is measured, else by the lack of mesh noise."""
         if self.speed_in is not None:
@@ -92,7 +151,7 @@ class Levels:
             top = float(np.abs(self.speed_in["speed_in"]).max())
             if inside.size:
                 return bool(np.median(np.abs(inside)) < _TURNS * top)
-        return self.vibration is not None and self.restless(span.start, span.end) < _QUIET
+        return self.restless(span.start, span.end) < _QUIET and self.elsewhere(span) is None
 
     def restless(self, start: float, end: float) -> float:
         """Return the vibration's fast part over that of the quietest second of the run; NaN where there is none."""

@@ -5,6 +5,7 @@ What a standing or a running shaft means (standstill or SOS, FOS or loaded) is t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -48,10 +49,8 @@ def steady_speed(counts: Counts, spans: Sequence[Span]) -> float:
     """Return the slope of a straight line through the angle of the longest run at nominal speed, rad/s."""
     longest = max((span for span in spans if span.state == "nominal"), key=lambda span: span.end - span.start)
     cut = min(0.5, 0.2 * (longest.end - longest.start))
-    inside = (counts.time >= longest.start + cut) & (counts.time <= longest.end - cut)
-    if inside.sum() < 3:
-        return longest.speed
-    return float(np.polyfit(counts.time[inside] - longest.start, counts.angle[inside], 1)[0])
+    speed, _ = counts.rate(longest.start + cut, longest.end - cut)
+    return longest.speed if math.isnan(speed) else speed
 
 
 def spans_of(counts: Counts) -> tuple[list[Span], float]:

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline.estimation.uncertainty import effective_size
 from pipeline.rigs.gearbox.aligned_run import AlignedRun, ZeroOffset
 from pipeline.rigs.gearbox.alignment import Alignment, align
 from pipeline.rigs.gearbox.checks import inertia_parts
@@ -131,7 +130,8 @@ def numbers_of(record: Record) -> RunNumbers:
     offsets = zero_offsets(record, segmentation)
     counts = counts_of(record)
     run = _aligned(record, segmentation, offsets, counts)
-    speed_out = _speed_out(run)
+    run = replace(run, rate_sd=alignment.rates)
+    speed_out = _speed_out(run, counts)
     speed_in = input_speed_of(record, run)
     clips = {name: clip_of(record.torque.time, record.torque[name]) for name in TORQUES}
     torques = torques_of(run, offsets, clips, speed_out[0], speed_in.value if speed_in else math.nan)
@@ -155,22 +155,15 @@ def _aligned(record: Record, segmentation: Segmentation, offsets: Offsets, count
     return AlignedRun(
         record.run, time, free["torque_in"], free["torque_out"], counts.time, counts.angle + 0.5 * counts.step, stages,
         {name: event.time for name, event in segmentation.events.items()}, segmentation.speed_nominal,
-        zeros["torque_in"], zeros["torque_out"],
+        zeros["torque_in"], zeros["torque_out"], segmentation.free, segmentation.gaps,
     )  # fmt: skip
 
 
-def _speed_out(run: AlignedRun) -> tuple[float, float]:
-    """Return the slope of the angle over FOS and its standard error, rad/s."""
+def _speed_out(run: AlignedRun, counts: Counts) -> tuple[float, float]:
+    """Return the slope of the angle over FOS and its standard error, that of the encoder's clock included, rad/s."""
     start, end = run.stages.get("fos", (math.nan, math.nan))
-    inside = (run.angle_time > start + 0.2) & (run.angle_time < end - 0.2)
-    if inside.sum() < 20:
-        return math.nan, math.nan
-    time, angle = run.angle_time[inside], run.angle[inside]
-    time = time - time.mean()
-    slope, level_ = np.polyfit(time, angle, 1)
-    rest = angle - slope * time - level_
-    count = max(effective_size(rest, 1) - 2.0, 1.0)
-    return float(slope), float(np.sqrt(np.mean(rest**2) / np.mean(time**2) / count))
+    speed, error = counts.rate(start + 0.2, end - 0.2)
+    return speed, math.hypot(error, run.rate_sd["encoder"] * speed)
 
 
 def _load(run: AlignedRun, torques: Torques) -> tuple[Windows | None, dict[str, LoadFit]]:

@@ -10,13 +10,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
+
 from pipeline.rigs.gearbox.counts import Counts, counts_of
 from pipeline.rigs.gearbox.events import cycle_events, rundown_event, startup_event
 from pipeline.rigs.gearbox.grammar import off_protocol
 from pipeline.rigs.gearbox.levels import Levels, levels_of, loaded_spans
 from pipeline.rigs.gearbox.motion import Span, spans_of, steady_speed
 from pipeline.rigs.gearbox.record import Record
-from pipeline.rigs.gearbox.stages import EventName, EventTime, Problem, Segmentation, Stage, StageName
+from pipeline.rigs.gearbox.stages import Cycle, EventName, EventTime, Problem, Segmentation, Stage, StageName
+
+# The encoder may tell nothing for so long (s) before the torque is asked; it has then changed by this share of its level.
+_LONG_GAP, _CHANGED = 0.3, 0.3
 
 
 def segment(record: Record) -> Segmentation:
@@ -36,19 +41,86 @@ def segment(record: Record) -> Segmentation:
     if not any(span.state == "nominal" for span in spans):
         return Segmentation((), {}, False, (*counts.problems, _never_turns(counts)), nominal)
     levels = levels_of(record)
-    spans, nominal = levels.split(spans), steady_speed(counts, spans)
+    nominal = steady_speed(counts, spans)
+    spans, frozen = levels.hesitations(levels.split(spans))
     rough, problems = rough_stages(record, spans, levels)
+    problems += frozen
     stages, cycles, unplaced = _refined(record, counts, rough)
     problems += unplaced
     found = {
         **startup_event(record, counts, stages),
-        **(cycles[0] if cycles else {}),
+        **(cycles[0][1] if cycles else {}),
         **rundown_event(counts, stages),
     }
     stages = _with_ends(stages, found)
     protocol, complete = off_protocol(stages)
+    doubts = _doubtful(stages, levels)
+    protocol += [*doubts, *lost_in(record, counts, stages)]
     order = sorted((*counts.problems, *problems, *protocol), key=lambda problem: problem.span)
-    return Segmentation(tuple(stages), found, complete and not problems, tuple(order), nominal, tuple(cycles))
+    gaps = tuple(sorted((*counts.gaps, *(problem.span for problem in frozen))))
+    complete = complete and not doubts and not [p for p in problems if p not in frozen]
+    return Segmentation(tuple(stages), found, complete, tuple(order), nominal, _cycles(stages, cycles), gaps)
+
+
+def _cycles(stages: Sequence[Stage], found: Sequence[tuple[float, dict[EventName, EventTime]]]) -> tuple[Cycle, ...]:
+    """Return the brake cycles with the stages around each SOS; `found` holds the SOS's first guess and its events."""
+    out = []
+    for about, events in found:
+        i = next(k for k, stage in enumerate(stages) if stage.name == "sos" and stage.start < about < stage.end)
+        around: dict[StageName, tuple[float, float]] = {"sos": (stages[i].start, stages[i].end)}
+        for k in (i - 1, i - 2):
+            if k >= 0 and stages[k].name in ("brake", "fos", "fos_after"):
+                name: StageName = "brake" if stages[k].name == "brake" else "fos"
+                around.setdefault(name, (stages[k].start, stages[k].end))
+        for stage in stages[i + 1 : i + 3]:
+            if stage.name in ("release", "fos_after"):
+                around.setdefault(stage.name, (stage.start, stage.end))
+        out.append(Cycle(events, around))
+    return tuple(out)
+
+
+def _doubtful(stages: Sequence[Stage], levels: Levels) -> list[Problem]:
+    """Return where an SOS may be a stall: the vibration denies it, and so the clocks disagree, or nothing tells of the input."""
+    problems = []
+    running = next((stage for stage in stages if stage.name.startswith("fos")), None)
+    silent = levels.vibration is None and levels.speed_in is None
+    for stage in stages:
+        if stage.name == "sos" and silent and running is not None and not levels.breaks_away(stage, running):
+            text = (
+                f"the output is held from {stage.start:.2f} to {stage.end:.2f} s without a peak of the input torque as it stops, and "
+                "neither vibration nor speed_in is logged: SOS or a stalled motor, that cannot be told"
+            )
+            problems.append(Problem((stage.start, stage.end), text))
+    for stage in stages:
+        noise = levels.elsewhere(stage) if stage.name == "sos" else None
+        if noise is not None:
+            text = (
+                f"the output is held under torque from {stage.start:.2f} to {stage.end:.2f} s, but the mesh noise of an SOS lies "
+                f"at {noise[0]:.2f} to {noise[1]:.2f} s: the clocks of the boards do not agree, and how is not known. Whether this "
+                "is SOS or a stalled motor cannot be told"
+            )
+            problems.append(Problem((stage.start, stage.end), text))
+    return problems
+
+
+def lost_in(record: Record, counts: Counts, stages: Sequence[Stage]) -> list[Problem]:
+    """Return where the encoder told nothing while the torque left its level: what the shaft did then is unknown."""
+    problems = []
+    for start, end in counts.gaps:
+        stage = next((one for one in stages if one.start <= start and end <= one.end), None)
+        if end - start < _LONG_GAP or stage is None or not stage.name.startswith("fos"):
+            continue
+        torque = record.torque.part(start, end)["torque_in"]
+        beside = record.torque.part(stage.start, stage.end)["torque_in"]
+        if torque.size and abs(np.ptp(np.percentile(torque, [5, 95]))) > 2 * np.ptp(
+            np.percentile(beside, [25, 75])
+        ) + abs(_CHANGED * np.median(beside)):
+            text = (
+                f"the input torque leaves its level while the encoder told nothing ({start:.2f} to {end:.2f} s): what the output "
+                "did then, an SOS perhaps, is not known"
+            )
+            problems.append(Problem((start, end), text))
+    return problems
 
 
 def _never_turns(counts: Counts) -> Problem:
@@ -61,7 +133,7 @@ def rough_stages(record: Record, spans: list[Span], levels: Levels) -> tuple[lis
     """Return the stages as the motion bounds them, and what fits none."""
     stages: list[Stage] = []
     problems: list[Problem] = []
-    slipped = False
+    slipped = False  # the gears slipped since the last start-up
     standing = levels.standing(spans)
     for i, span in enumerate(spans):
         before, after = (spans[i - 1] if i else None), (spans[i + 1] if i + 1 < len(spans) else None)
@@ -75,6 +147,7 @@ def rough_stages(record: Record, spans: list[Span], levels: Levels) -> tuple[lis
             held = standing.get(i - 1, "standstill") != "standstill"
             stops = standing.get(i + 1, "standstill") != "standstill"
             name = _moving(before, after, held, stops)
+            slipped = name == "release" or (slipped and name != "startup")
         if name is None:
             text = f"the output shaft left its nominal speed without a stop ({span.speed:.3g} rad/s)"
             if before is not None and before.state == "zero":
@@ -102,15 +175,16 @@ def _moving(before: Span | None, after: Span | None, held: bool, stops: bool) ->
 
 def _refined(
     record: Record, counts: Counts, rough: list[Stage]
-) -> tuple[list[Stage], list[dict[EventName, EventTime]], list[Problem]]:
+) -> tuple[list[Stage], list[tuple[float, dict[EventName, EventTime]]], list[Problem]]:
     """Move the bounds of every brake cycle to its events; a brake shorter than the speed's window is put in."""
-    stages, cycles, problems = list(rough), [], []
+    stages, problems = list(rough), []
+    cycles: list[tuple[float, dict[EventName, EventTime]]] = []
     for sos in [stage for stage in rough if stage.name == "sos"]:
         events = cycle_events(record, counts, rough, sos)
         placed = _placed(stages, sos, events)
         if _ordered(placed):
             stages = placed
-            cycles.append(events)
+            cycles.append((0.5 * (sos.start + sos.end), events))
         else:
             text = "the events around this SOS contradict each other, so none is given"
             problems.append(Problem((sos.start, sos.end), text))

@@ -6,7 +6,8 @@ Data only; `segmentation` finds the stages, `events` the instants.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 from pipeline.recording import Level
@@ -58,6 +59,17 @@ class Problem:
 
 
 @dataclass(frozen=True)
+class Cycle:
+    """One brake cycle: its events, and its stages as (start, end) in s.
+
+    `fos` is the steady running before the brake, also where that is the `fos_after` of the cycle before.
+    """
+
+    events: Mapping[EventName, EventTime]
+    stages: Mapping[StageName, tuple[float, float]]
+
+
+@dataclass(frozen=True)
 class Segmentation:
     """The stages of one run in the order of time, and what they leave open.
 
@@ -74,6 +86,10 @@ class Segmentation:
         What is off the protocol or uncertain, with times.
     speed_nominal
         Median speed of the output shaft while it turns steadily, rad/s; NaN where it never does.
+    cycles
+        Every brake cycle, in the order of time.
+    gaps
+        Where the encoder told nothing or lost counts, s: the angle has a break across them.
     """
 
     stages: tuple[Stage, ...]
@@ -81,12 +97,27 @@ class Segmentation:
     complete: bool
     problems: tuple[Problem, ...] = ()
     speed_nominal: float = float("nan")
-    cycles: tuple[Mapping[EventName, EventTime], ...] = field(default=())
+    cycles: tuple[Cycle, ...] = ()
+    gaps: tuple[tuple[float, float], ...] = ()
 
     @property
     def names(self) -> tuple[StageName, ...]:
         """The sequence of stages."""
         return tuple(stage.name for stage in self.stages)
+
+    @property
+    def free(self) -> tuple[tuple[str, float, float], ...]:
+        """Every stretch in which the load turns forward without brake: what begins it, start and end, s.
+
+        `startup` and `release` with the FOS behind them, `steady` where FOS goes on after a load was taken off.
+        """
+        out = []
+        for before, after in pairwise(self.stages):
+            if after.name in ("fos", "fos_after") and before.name in ("startup", "release", "fos_loaded"):
+                steady = before.name == "fos_loaded"
+                start = after.start if steady else before.start
+                out.append(("steady" if steady else before.name, start, after.end))
+        return tuple(out)
 
     def all(self, name: StageName) -> tuple[Stage, ...]:
         """Return every stage of that name."""
