@@ -111,3 +111,15 @@ def test_harmonics_of_the_shaft_are_no_partial_slip():
     t = np.arange(0, 6, 1 / 2500)
     shaft = sum(0.3 / k * np.sin(k * 12.566 * t + k) for k in range(1, 11))
     assert partial_slip(t, {"acc": shaft + 0.3 * rng.normal(size=t.size)}, (0.0, 6.0), 12.566) is None
+
+
+def test_a_shaft_too_slow_for_the_window_has_no_ridge():
+    t, channels = tones(2000.0, 4.0, 1.5, 0.5, 0)
+    assert slip_ridge(t, channels, (0.0, 4.0), 1.6).time.size == 0
+
+
+@pytest.mark.parametrize("droop", [0.02, 0.1, 0.2, 0.35])
+def test_a_drive_that_droops_by_tens_of_percent_is_found(droop):
+    t, channels = tones(2500.0, 9.0, 12.566 * (1 - droop), 0.5, 4)
+    found = input_speed(t, channels, (0.0, 9.0), 12.566)
+    assert found.speed == pytest.approx(12.566 * (1 - droop), rel=2e-5)

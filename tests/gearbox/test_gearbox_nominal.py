@@ -3,7 +3,7 @@ import pytest
 from gearbox_known import known, wander
 
 from pipeline.rigs.gearbox.aligned_run import ZeroOffset
-from pipeline.rigs.gearbox.nominal import difference_in_sigmas, level, truncation, type_b
+from pipeline.rigs.gearbox.nominal import level, truncation, type_b
 
 STEP = 0.01
 
@@ -58,17 +58,6 @@ def test_samples_that_are_no_numbers_do_not_count():
     x = 0.5 + 0.01 * np.random.default_rng(2).normal(size=t.size)
     x[200:220] = np.nan
     assert level(t, x, (0.0, 6.0), 12.566).value == pytest.approx(0.5, abs=0.002)
-
-
-def test_the_common_offset_cancels_in_the_comparison_of_two_stages():
-    t = grid(6.0)
-    zero = ZeroOffset(0.0, 1.0, 5.0)
-    levels = []
-    for seed in (0, 1):
-        x = 0.9 + wander(np.random.default_rng(seed), t.size, STEP, 0.012)
-        levels.append(level(t, x, (0.0, 6.0), 12.566, zero))
-    assert abs(difference_in_sigmas(*levels)) < 4
-    assert levels[0].std_error > 1.0
 
 
 def test_type_b_of_a_20_newton_metre_sensor_is_the_larger_part():

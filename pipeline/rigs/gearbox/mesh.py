@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -118,7 +118,8 @@ def _searched(
     """Return the slip speed within `limits` (rad/s) of a stage `stage` seconds long; `hum` is the comb at rest."""
     length = max(round(_PIECE * rate), 256)
     starts = [i * length for i in range(max(signals[0].size // length, 1))]
-    coarse = Comb.of([signal[start : start + length] for start in starts for signal in signals], rate, used)
+    parts = [Comb.of([signal[start : start + length] for signal in signals], rate, used) for start in starts]
+    coarse = replace(parts[0], power=np.mean([part.power for part in parts], axis=0))
     fine = Comb.of(signals, rate, used)
     if hum is not None:
         coarse, fine = coarse.without(hum), fine.without(hum)
@@ -132,7 +133,7 @@ def _searched(
     if not (fine.stands_out(speed) or coarse.stands_out(rough)):
         return None
     wide = ((1 - _WANDER) * rough, (1 + _WANDER) * rough)
-    pieces = np.array([Comb.of([s[i : i + length] for s in signals], rate, used).best(wide)[0] for i in starts])
+    pieces = np.array([part.best(wide)[0] for part in parts])
     track = _tracked(signals, rate, used, pieces, speed, length)
     if track is None or track.steady:
         return MeshSpeed(speed, fine.resolution(contrast), math.inf, contrast, 0.0, tuple(used))
@@ -205,6 +206,8 @@ def slip_ridge(
     signals, rate = thinned(signals, rate, max(used) * highest)
     size, step = max(round(window * rate), 32), max(round(hop * rate), 1)
     lowest = 2 * math.pi * 3 / (window * min(orders))
+    if not highest > lowest:
+        return Ridge(np.zeros(0), np.zeros(0), np.zeros(0))
     centres, slips, contrasts = [], [], []
     for start in range(0, signals[0].size - size + 1, step):
         comb = Comb.of([s[start : start + size] for s in signals], rate, used)

@@ -148,12 +148,6 @@ def type_b(sensor_range: float, relative: float = 0.001) -> float:
     return sensor_range * relative / math.sqrt(3)
 
 
-def difference_in_sigmas(before: Level, after: Level) -> float:
-    """Return (after - before) over its standard error; the common offset cancels."""
-    spread = math.hypot(before.own_error, after.own_error)
-    return (after.value - before.value) / spread if spread > 0 else 0.0
-
-
 def _settled(t: np.ndarray, x: np.ndarray, speed: float, step: float) -> float:
     """Return how long the transient lasts, s: MSER on batch means of what the ripple leaves."""
     mean, residual, _ = _mean(t, x, speed)
