@@ -17,7 +17,7 @@ from pipeline.rigs.gearbox.truth import RPM, GearboxTruth, gearbox_truth, speeds
 
 _G0 = 9.81
 # What each place feels of the tones, which shaft it follows, and its white noise, all relative to the input bearing.
-_ACCELEROMETERS = {
+ACCELEROMETERS = {
     "acc_in_radial": (1.0, "theta1", 1.0),
     "acc_in_axial": (0.5, "theta1", 1.0),
     "acc_out_radial": (0.6, "theta2", 1.0),
@@ -154,7 +154,7 @@ def _vibration(truth: GearboxTruth, motion: Motion, rng: np.random.Generator) ->
     ):
         meshes += size * np.sin(order * relative + phase) * swell
     channels = {}
-    for name, (tone, shaft, white) in _ACCELEROMETERS.items():
+    for name, (tone, shaft, white) in ACCELEROMETERS.items():
         grinding = meshes + 0.08 * truth.noise * rng.standard_normal(stamps.size)
         felt = tone * (0.03 * np.sin(theta[shaft]) + slip / 12.0 * grinding)
         values = _G0 * (felt + 0.03 * white * truth.noise * rng.standard_normal(stamps.size))
