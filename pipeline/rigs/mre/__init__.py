@@ -1,5 +1,6 @@
 """Magneto-rheological elastomer pads in compression and shear; also other hysteretic devices on a shaker."""
 
+from pipeline.rigs.mre.hold.declaration import HOLD
 from pipeline.rigs.mre.shear.declaration import SHEAR
 
-EXPERIMENTS = (SHEAR,)
+EXPERIMENTS = (SHEAR, HOLD)

@@ -1,0 +1,283 @@
+"""What the report of `mre.hold` shows, drawn from parameters and arrays only (mre.md section 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import (
+    Axis,
+    Band,
+    Cell,
+    Column,
+    Figure,
+    Line,
+    Mark,
+    Panel,
+    Points,
+    Rule,
+    Section,
+    Status,
+    Table,
+    Text,
+    Value,
+)
+from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
+
+CURRENT, FORCE, TIME = Axis("coil current", "A"), Axis("axial force", "N"), Axis("time", "s")
+_WAYS = ((1, "current rising"), (-1, "current falling"))
+_RUNS = 6
+
+
+def sections(findings: Findings) -> Sequence[Section]:
+    """Return the chapters that the findings have something for."""
+    chapters = [
+        Section("force", "Force against coil current", _force(findings)),
+        Section("field", "Field map and pull of the poles", _field(findings)),
+    ]
+    return [*(chapter for chapter in chapters if chapter.blocks), *micromechanics(findings)]
+
+
+def _force(findings: Findings) -> list[Figure | Table | Text]:
+    if "holds" not in findings.arrays:
+        return []
+    holds, curves, states = (findings.arrays[name] for name in ("holds", "curves", "state"))
+    blocks: list[Figure | Table | Text] = []
+    for state in states.head(_RUNS).to_dict("records"):
+        run = state["run"]
+        own, curve = holds[holds["run"] == run], curves[curves["run"] == run]
+        name = f" of run {run}" if len(states) > 1 else ""
+        blocks.append(_law_figure(state, own, curve, name))
+        blocks.append(_time_figure(findings, str(run), own, name))
+        blocks.append(_saturation_table(findings, state, name))
+        blocks.append(_increment_table(findings, str(run), own, name, len(states) > 1))
+    return blocks
+
+
+def _law_figure(state: dict[str, object], own: pd.DataFrame, curve: pd.DataFrame, name: str) -> Figure:
+    marks: list[Mark] = [
+        Band(curve["current"].to_numpy(), curve["low"].to_numpy(), curve["high"].to_numpy(), "model"),
+        Line(curve["current"].to_numpy(), curve["increment"].to_numpy(), "model", "law"),
+    ]
+    rest: list[Mark] = [Rule(y=0.0)]
+    for number, (sign, label) in enumerate(_WAYS):
+        part = own[own["direction"] == sign]
+        if len(part):
+            x, y, half = (part[c].to_numpy() for c in ("current", "increment", "increment_half"))
+            marks.append(Points(x, y, number, label, y - half, y + half))
+            off = (part["high"] - part["low"]).to_numpy() / 2
+            rest.append(
+                Points(
+                    x,
+                    part["residual"].to_numpy(),
+                    number,
+                    label,
+                    part["residual"].to_numpy() - off,
+                    part["residual"].to_numpy() + off,
+                )
+            )
+    if state["state"] == "seen":
+        marks.append(Rule(x=float(str(state["I_s"])), label="I_s"))
+    return Figure(
+        f"law{name.replace(' ', '_')}",
+        f"Increment of the force{name}",
+        f"Does the force saturate? {_answer(state)} Means of the holds over F0, relaxation taken out with the fitted r, and the law with its 95 % band; beside it what the law leaves.",
+        "relative increment of the axial force over coil current, both sweep directions and the fitted law; residuals",
+        [
+            Panel(marks, CURRENT, Axis("increment of the force", "%"), "increment"),
+            Panel(rest, CURRENT, Axis("residual", "N"), "measured less law"),
+        ],
+        columns=2,
+    )
+
+
+def _answer(state: dict[str, object]) -> str:
+    top, flat = float(str(state["top"])), 100 * float(str(state["flatness"]))
+    if state["state"] == "seen":
+        return f"Saturation is seen: at {top:.3g} A the slope is {flat:.2g} % of that at 0 A."
+    if state["state"] == "begun":
+        return (
+            f"Saturation has begun and was not passed: at {top:.3g} A the slope is still {flat:.2g} % of that at 0 A."
+        )
+    return f"Saturation was not reached: up to {top:.3g} A the force rises straight."
+
+
+def _time_figure(findings: Findings, run: str, own: pd.DataFrame, name: str) -> Figure:
+    series = findings.arrays["series"]
+    part = series[series["run"] == run]
+    t = part["time"].to_numpy()
+    r = next((p.value for p in findings.find("relaxation") if p.at.get("run", run) == run), None)
+    told = f" The fitted relaxation is {100 * r:.3g} % a decade." if r is not None else ""
+    return Figure(
+        f"time{name.replace(' ', '_')}",
+        f"Force over time{name}",
+        f"Is what differs between the sweeps relaxation?{told} Samples and the law where the hold counts; below, what the law leaves of each hold in the order of time: a trend or a "
+        "sawtooth would be drift, heating or hysteresis.",
+        "axial force over time with the law; residuals of the holds over time",
+        [
+            Panel(
+                [
+                    Line(t, part["force"].to_numpy(), "measured", "measured"),
+                    Line(t, part["model"].to_numpy(), "model", "law"),
+                ],
+                TIME,
+                FORCE,
+                "force",
+            ),
+            Panel(
+                [
+                    Rule(y=0.0),
+                    *(
+                        Points(
+                            own[own["direction"] == s]["time"].to_numpy(),
+                            own[own["direction"] == s]["residual"].to_numpy(),
+                            n,
+                            label,
+                        )
+                        for n, (s, label) in enumerate(_WAYS)
+                        if (own["direction"] == s).any()
+                    ),
+                ],
+                TIME,
+                Axis("residual", "N"),
+                "measured less law",
+            ),
+        ],
+        share_x=True,
+    )
+
+
+def _saturation_table(findings: Findings, state: dict[str, object], name: str) -> Table:
+    mood = {"seen": "ok", "begun": "warning", "not reached": "warning"}[str(state["state"])]
+    least = min((m.aicc for m in findings.models if m.aicc is not None), default=0.0)
+    run = str(state["run"])
+    rows: list[list[Cell]] = []
+    for model in findings.models:
+        if name and not model.name.startswith(f"{run}: "):
+            continue
+        own = [m.aicc for m in findings.models if m.family == model.family and m.aicc is not None]
+        least = min(own, default=0.0)
+        chosen = Status(f"parameters; saturation {state['state']}", mood) if model.selected else ""  # type: ignore[arg-type]
+        rows.append(
+            [
+                model.name.removeprefix(f"{run}: "),
+                model.description.split(";")[0],
+                model.n_parameters,
+                None if model.aicc is None else model.aicc - least,
+                chosen,
+            ]
+        )
+    return Table(
+        f"laws{name.replace(' ', '_')}",
+        f"Which law{name}",
+        "AICc above the best: 10 and more means that the data do not support the law. The hinge is the S law with p -> infinity, FK that with p = 1.",
+        [Column("law"), Column("form"), Column("parameters", "1"), Column("AICc above the best", "1"), Column("taken")],
+        rows,
+    )
+
+
+def _increment_table(findings: Findings, run: str, own: pd.DataFrame, name: str, several: bool) -> Table:
+    rows = []
+    for p in findings.find("force_increment", **({"run": run} if several else {})):
+        current = float(p.at["coil_current"])
+        cells: list[float | Value | None] = [current, Value(p.value, p.std_error, p.ci95)]
+        for sign, _ in _WAYS:
+            near = own[(own["direction"] == sign) & ((own["current"] - current).abs() < 0.03)]
+            cells.append(float(near["force"].mean()) if len(near) else None)
+        rows.append(cells)
+    return Table(
+        f"increments{name.replace(' ', '_')}",
+        f"Increments{name}",
+        "Force at a current over that at 0 A, less 1, at one time; and the mean force measured on either sweep, relaxation included.",
+        [
+            Column("coil current", "A"),
+            Column("increment", "%"),
+            Column("force, rising", "N"),
+            Column("force, falling", "N"),
+        ],
+        rows,
+    )
+
+
+def _field(findings: Findings) -> list[Figure | Table | Text]:
+    blocks: list[Figure | Table | Text] = []
+    if "field" in findings.arrays:
+        points, curves = findings.arrays["field"], findings.arrays["field_curves"]
+        for run in list(points["run"].unique())[:_RUNS]:
+            own, lines = points[points["run"] == run], curves[curves["run"] == run]
+            blocks.append(_field_figure(findings, str(run), own, lines, len(points["run"].unique()) > 1))
+    if "pull" in findings.arrays:
+        blocks.append(_pull_figure(findings))
+    return blocks
+
+
+def _field_figure(findings: Findings, run: str, own: pd.DataFrame, lines: pd.DataFrame, several: bool) -> Figure:
+    marks: list[Mark] = []
+    rest: list[Mark] = [Rule(y=0.0)]
+    for number, (sign, label) in enumerate(_WAYS):
+        part, line = own[own["direction"] == sign], lines[lines["direction"] == sign]
+        if len(part):
+            x, y = part["current"].to_numpy(), part["flux_density"].to_numpy()
+            marks.append(Line(line["current"].to_numpy(), line["flux_density"].to_numpy(), number))
+            marks.append(Points(x, y, number, label, part["low"].to_numpy(), part["high"].to_numpy()))
+            half = (part["high"] - part["low"]).to_numpy() / 2
+            left = part["residual"].to_numpy()
+            rest.append(Points(x, left, number, label, left - half, left + half))
+    remanence = [
+        f"{1e3 * p.value:.2g} mT {p.at.get('sweep')}"
+        for p in findings.find("remanence")
+        if p.value is not None and p.at.get("run", run) == run
+    ]
+    told = f" Remanence fitted: {', '.join(remanence)}." if remanence else ""
+    return Figure(
+        f"flux{f'_{run}' if several else ''}",
+        f"Flux density{f' of run {run}' if several else ''}",
+        f"Where does the field saturate, and what remains of it?{told} Means of the holds and the law on either sweep; beside it what the law leaves.",
+        "flux density over coil current, both sweep directions, with the law; residuals",
+        [
+            Panel(marks, CURRENT, Axis("flux density", "T"), "field map"),
+            Panel(rest, CURRENT, Axis("residual", "T"), "measured less law"),
+        ],
+        columns=2,
+    )
+
+
+def _pull_figure(findings: Findings) -> Figure:
+    table = findings.arrays["pull"]
+    marks: list[Mark] = []
+    bound, blank = table[table["kind"] == "bound"], table[table["kind"] != "bound"]
+    if len(bound):
+        marks.append(
+            Line(bound["current"].to_numpy(), bound["pull"].to_numpy(), "reference", "B² A/(2 µ0)", dashed=True)
+        )
+    for number, (kind, own) in enumerate(blank.groupby("kind", sort=False)):
+        y, half = own["pull"].to_numpy(), own["half"].to_numpy()
+        marks.append(Points(own["current"].to_numpy(), y, number, str(kind), y - half, y + half))
+    if "curves" in findings.arrays:
+        state = findings.arrays["state"].iloc[0]
+        curve = findings.arrays["curves"]
+        curve = curve[curve["run"] == state["run"]]
+        marks.append(
+            Line(
+                curve["current"].to_numpy(),
+                curve["increment"].to_numpy() * state["F0"],
+                "model",
+                "rise of the pad's force" if len(blank) else "rise of the force",
+            )
+        )
+    said = (
+        "What the blank test measured was taken off the force."
+        if len(blank)
+        else "No blank test was run: how much of the bound the load cell sees is not known, and none was taken off."
+    )
+    finite = np.isfinite(table["pull"].to_numpy()).all()
+    return Figure(
+        "pull",
+        "Pull of the poles",
+        f"Is it the pad or the magnet that presses? {said}",
+        "pull of the poles over coil current beside the rise of the force",
+        [Panel(marks if finite else [], CURRENT, Axis("force", "N"))],
+    )
