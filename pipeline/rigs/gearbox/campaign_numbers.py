@@ -83,17 +83,36 @@ def campaign_of(runs: Sequence[RunNumbers]) -> CampaignNumbers:
         fos_in, fos_out = run.level("torque_in", "fos"), run.level("torque_out", "fos")
         sos_in, sos_out = run.level("torque_in", "sos"), run.level("torque_out", "sos")
         drag[run.name] = drag_locked(fos_in, fos_out, slope)
-        lock[run.name] = lock_torque(run.unlocking, fos_in, fos_out, slope)
         slip[run.name] = slip_torque(sos_in, sos_out, fos_in, fos_out, slope)
     load = _load(zeroed or windows, bool(zeroed))
     reason = _mixed(runs)
     if load is not None and reason:
         load = replace(load, undetermined={**load.undetermined, "inertia_load": reason})
+    law = _drag_law(runs, drag, slope, load if load is not None and not load_law(windows, load).failed else None)
+    for run in runs:
+        fos_in, fos_out = run.level("torque_in", "fos"), run.level("torque_out", "fos")
+        grown = _drag_grown(run, drag[run.name], law)
+        lock[run.name] = lock_torque(run.unlocking, fos_in, fos_out, slope, grown)
     return CampaignNumbers(
-        runs, transfer, phases, load, drag, lock, slip,
-        _drag_law(runs, drag, slope, load if load is not None and not load_law(windows, load).failed else None),
+        runs, transfer, phases, load, drag, lock, slip, law,
         _slip_law(runs, slip, slope), bool(reason),
     )  # fmt: skip
+
+
+def _drag_grown(run: RunNumbers, drag: Estimate, law: Curve | None) -> tuple[float, float]:
+    """Return how much T_0 grows while the brake slows the shaft until the lock breaks, and its standard error, N m.
+
+    Without a law over speed T_0 may change by as large a share as the speed does, either way.
+    """
+    fos, slowed = run.speed_out[0], run.speed_at_unlock
+    if not math.isfinite(fos) or not math.isfinite(slowed):
+        return 0.0, 0.0
+    loosely = abs((drag.value or 0.0) * (slowed / fos - 1.0)) / math.sqrt(3.0)
+    if law is None:
+        return 0.0, loosely
+    before, after = law.at(np.array([fos, slowed]))
+    # The parts of the law are strongly correlated, and its slope is uncertain at the lowest and highest speed.
+    return float(after - before), 0.5 * loosely
 
 
 def _mixed(runs: Sequence[RunNumbers]) -> str:

@@ -13,8 +13,8 @@ from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.rigs.gearbox.nominal import Level
 from pipeline.rigs.gearbox.peaks import Peak
 
-# Where the lock breaks the low-pass overshoots, and the shaft is slower than in FOS, which changes T_0: share of the peak.
-_AT_THE_EDGE = 0.01
+# What is left of the low-pass's overshoot where the lock breaks, N m of each N m that the torque rises.
+_OVERSHOOT = 0.001
 # Share of its speed that a drive without slip compensation may lose under load.
 _DROOP = 0.3
 NO_OFFSET = "the zero offsets are unknown: the run has no standstill"
@@ -170,16 +170,25 @@ def drag_locked(fos_in: Torque | None, fos_out: Torque | None, slope: Slope | No
     return estimate(name, fos_in.value - fos_out.value / slope.value, error, dof=dof)
 
 
-def lock_torque(peak: Torque | None, fos_in: Torque | None, fos_out: Torque | None, slope: Slope | None) -> Estimate:
-    """Return T_in - T_0 at the brake peak; where T_0 is unknown the limits are told."""
+def lock_torque(
+    peak: Torque | None,
+    fos_in: Torque | None,
+    fos_out: Torque | None,
+    slope: Slope | None,
+    drag: tuple[float, float] = (0.0, 0.0),
+) -> Estimate:
+    """Return T_in - T_0 at the brake peak; where T_0 is unknown the limits are told.
+
+    `drag` is how much T_0 grows from FOS to the lower speed at which the lock breaks, N m, and its standard error.
+    """
     name = "lock_torque"
     if peak is None:
         return undetermined(name, "the lock was not broken by the brake")
     reason = _no_drag(peak, fos_in, fos_out, slope)
     if reason or fos_in is None or fos_out is None or slope is None:
         return undetermined(name, reason)
-    value = peak.value - fos_in.value + fos_out.value / slope.value
-    edge = (_AT_THE_EDGE * peak.value, math.inf)
+    value = peak.value - fos_in.value + fos_out.value / slope.value - drag[0]
+    edge = (math.hypot(_OVERSHOOT * (peak.value - fos_in.value), drag[1]), math.inf)
     error, dof = welch([(peak.own, peak.dof), (fos_in.own, fos_in.dof), edge, *_reaction(fos_out, slope)])
     return estimate(name, value, error, dof=dof)
 

@@ -118,6 +118,18 @@ class RunNumbers:
         return peak_ is not None and peak_.saturated
 
     @property
+    def speed_at_unlock(self) -> float:
+        """Speed of the locked shafts as the lock breaks, rad/s, NaN where it is not known.
+
+        The brake slows them evenly from its onset on, so they have lost twice as much then as on the mean.
+        """
+        onset, unlock = (self.run.events.get(name, math.nan) for name in ("brake_onset", "unlock"))
+        if not unlock - onset > 0.02 or not self.run.whole(onset, unlock):
+            return math.nan
+        turned = np.diff(self.run.angle_at(np.array([onset, unlock])))[0]
+        return float(2.0 * turned / (unlock - onset) - self.speed_out[0])
+
+    @property
     def zeroed(self) -> bool:
         """Tell whether the zero offsets of both torques are known."""
         return not any(math.isnan(self.zero(name)) for name in TORQUES)

@@ -15,10 +15,11 @@ from pipeline.rigs.gearbox.aligned_run import AlignedRun, Span
 from pipeline.rigs.gearbox.clipping import NONE, Clip
 from pipeline.rigs.gearbox.nominal import Level, level
 from pipeline.rigs.gearbox.offsets import Offset, Offsets
-from pipeline.rigs.gearbox.peaks import Peak, peak, steady_noise, unlock_peak
+from pipeline.rigs.gearbox.peaks import ORDER, Peak, peak, steady_noise, unlock_peak
 from pipeline.rigs.gearbox.record import TORQUES
 from pipeline.rigs.gearbox.torque_drift import Drift, drift_of
 from pipeline.rigs.gearbox.torque_map import Transfer, brake_transfer, startup_transfer, steady_transfer
+from pipeline.signals.filtering import low_pass
 
 NOMINAL_STAGES = ("fos", "sos", "fos_after")
 FOS_STAGES = ("fos", "fos_after")
@@ -26,6 +27,8 @@ FOS_STAGES = ("fos", "fos_after")
 _AROUND_PEAK = 0.1
 # Where the brake's onset is not known, so long before the unlock its rise begins, s.
 _RISE = 0.3
+# The low-pass settles within this time; steps to draw its answer in, s.
+_SETTLES, _FINE = 0.2, 5e-4
 
 Key = tuple[str, str]
 
@@ -184,7 +187,17 @@ def _unlock(run: AlignedRun, levels: Mapping[Key, Level]) -> Peak | None:
     settled, rise = levels.get(("torque_in", "fos")), _rise(run)
     if settled is None or rise is None:
         return None
-    return unlock_peak(run, (rise[0] - _AROUND_PEAK, rise[1] + _AROUND_PEAK), settled.span)
+    found = unlock_peak(run, (rise[0] - _AROUND_PEAK, rise[1] + _AROUND_PEAK), settled.span)
+    if found is None or not rise[0] < found.time:
+        return found
+    return replace(found, bias=found.bias + _overshoot(rise[0], found, settled.value))
+
+
+def _overshoot(onset: float, found: Peak, level_: float) -> float:
+    """Return what the low-pass adds to a torque that rises in a straight line and stops where the lock breaks, N m."""
+    time = np.arange(onset - _SETTLES, found.time + _SETTLES, _FINE)
+    kink = np.interp(time, [onset, found.time], [level_, found.value])
+    return float(low_pass(time, kink, found.cutoff, ORDER).max()) - found.value
 
 
 def _transfers(
