@@ -77,7 +77,8 @@ def steady(rng, rate=0.0, step=0.0):
 def test_a_line_and_a_step_are_told_apart_and_noise_is_neither():
     rng = np.random.default_rng(3)
     line, step = steady(rng, rate=0.002), steady(rng, step=0.05)
-    assert line is not None and step is not None
+    assert line is not None
+    assert step is not None
     assert line.shape == "line"
     assert line.rate == pytest.approx(0.002, rel=0.05)
     assert step.shape == "step"

@@ -11,6 +11,7 @@ from pipeline.rigs.gearbox.aligned_run import Span, within
 # So many equal samples in a row at the maximum are an end stop, unless equal neighbours are common by chance.
 _FLAT = 3
 _CHANCE = 1e-2
+_LONGER = 3
 # A mean over which less than that share is cut is off by a few thousandths of its noise.
 _NEGLIGIBLE = 0.01
 
@@ -62,7 +63,10 @@ def clip_of(time: np.ndarray, values: np.ndarray) -> Clip:
         inside = ~at
         equal = (values[1:] == values[:-1]) & inside[1:]
         chance = float(equal.sum()) / max(int(inside.sum()), 1)
-        if longest >= _FLAT and chance ** (longest - 1) < _CHANCE:
+        # Coarse converters and held samples are flat everywhere.
+        elsewhere = 1 + _longest(equal)
+        least = _FLAT if elsewhere < _FLAT else _LONGER * elsewhere
+        if longest >= least and chance ** (longest - 1) < _CHANCE:
             cut |= at
             limit = top
     return Clip(np.asarray(time[cut], dtype=float), limit) if cut.any() else NONE

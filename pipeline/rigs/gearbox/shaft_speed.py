@@ -21,6 +21,8 @@ from pipeline.rigs.gearbox.sos_speed import line_orders, teeth_in
 FACTORS = (1.0, 0.125, 0.25, 0.5, 2.0, 4.0, 8.0, math.pi / 30.0, 30.0 / math.pi, 2.0 * math.pi, 0.5 / math.pi)
 # Power of a line over the noise beside it that chance does not reach among some thousand places.
 _LINE = 25.0
+# The noise beside a line is a median over so many of its widths to either side: two lines and their flanks are less than half.
+_BESIDE = 6.0
 # Orders of the counted shaft within which its true order 1 is sought.
 _SOUGHT = (0.07, 20.0)
 # Lines nearer than this many widths of a line are one.
@@ -59,23 +61,21 @@ def by_ripple(run: AlignedRun, steady: list[Span]) -> TrueSpeed | None:
     A shaft's ripple has order 1, and 2 with it; nothing turns slower than the locked box does. The lowest line of the
     torques' spectra is order 1 where another stands at twice its frequency.
     """
-    spans = steady or [(start + _GUARD, end - _GUARD) for name, (start, end) in run.stages.items() if name == "fos"]
-    span = max(spans, key=lambda one: one[1] - one[0], default=(0.0, 0.0))
-    time, *torques = run.slow
-    part = within(time, span)
-    t = time[part]
-    if t.size < 100 or not run.speed_nominal > 0:
+    if not run.speed_nominal > 0:
         return None
-    length = 8 * t.size
-    window = np.hanning(t.size)
+    spans = steady or [(start + _GUARD, end - _GUARD) for name, (start, end) in run.stages.items() if name == "fos"]
+    time, *torques = run.slow
+    parts = [part for span in spans if (part := within(time, span)).stop - part.start >= 100]
+    if not parts:
+        return None
     counted = run.speed_nominal / (2.0 * math.pi)
-    frequency = np.fft.rfftfreq(length, float(np.median(np.diff(t))))
-    width = 1.0 / float(t[-1] - t[0])
-    lines: list[float] = []
-    for values in torques:
-        trend = np.polynomial.Polynomial.fit(t, values[part], 1)
-        power = np.abs(np.fft.rfft((values[part] - trend(t)) * window, length)) ** 2
-        lines += _lines(frequency, power, width, (_SOUGHT[0] * counted, _SOUGHT[1] * counted))
+    step = float(np.median(np.diff(time)))
+    length = 8 * max(part.stop - part.start for part in parts)
+    frequency = np.fft.rfftfreq(length, step)
+    width = 1.0 / (step * min(part.stop - part.start for part in parts))
+    spectra = [_over_floor(time[part], values[part], length, 1.0 / width) for values in torques for part in parts]
+    limits = (_SOUGHT[0] * counted, _SOUGHT[1] * counted)
+    lines = _lines(frequency, np.mean(spectra, axis=0), width, limits, _LINE / math.sqrt(len(spectra)))
 
     def stands(at: float) -> bool:
         return any(abs(line - at) < _SAME * width for line in lines)
@@ -89,19 +89,25 @@ def by_ripple(run: AlignedRun, steady: list[Span]) -> TrueSpeed | None:
     return TrueSpeed(lowest / counted, f"the torques ripple at {lowest:.3g} Hz and twice that while locked")
 
 
-def _lines(frequency: np.ndarray, power: np.ndarray, width: float, limits: Span) -> list[float]:
-    """Return the frequencies (Hz) of the lines that stand out of the noise beside them."""
-    spacing = float(frequency[1])
-    reach, own = max(int(6.0 * width / spacing), 8), max(int(2.0 * width / spacing), 2)
-    inner = power[1:-1]
-    tops = 1 + np.flatnonzero((inner >= power[:-2]) & (inner > power[2:]))
-    found = []
-    for i in tops[(frequency[tops] > limits[0]) & (frequency[tops] < limits[1]) & (tops > own)]:
-        beside = np.concatenate([power[max(i - reach, own) : i - own], power[i + own : i + reach]])
-        highest = power[i] >= power[i - own : i + own + 1].max()
-        if highest and beside.size > own and power[i] > _LINE * float(np.median(beside)) / math.log(2.0):
-            found.append(float(frequency[i]))
-    return found
+def _over_floor(time: np.ndarray, torque: np.ndarray, length: int, duration: float) -> np.ndarray:
+    """Return the power spectrum over the noise beside each frequency, shape (length // 2 + 1,)."""
+    from scipy.ndimage import median_filter
+
+    trend = np.polynomial.Polynomial.fit(time, torque, 1)
+    power = np.abs(np.fft.rfft((torque - trend(time)) * np.hanning(time.size), length)) ** 2
+    step = (time[-1] - time[0]) / (time.size - 1)
+    beside = 2 * round(_BESIDE * length * step / duration) + 1
+    floor = median_filter(power, beside, mode="nearest") / math.log(2.0)
+    return np.asarray(power / np.maximum(floor, 1e-300))
+
+
+def _lines(frequency: np.ndarray, contrast: np.ndarray, width: float, limits: Span, least: float) -> list[float]:
+    """Return the frequencies (Hz) of the lines that stand out of the noise by `least`."""
+    own = max(int(2.0 * width / float(frequency[1])), 2)
+    inner = contrast[1:-1]
+    tops = 1 + np.flatnonzero((inner >= contrast[:-2]) & (inner > contrast[2:]) & (inner > least))
+    tops = tops[(frequency[tops] > limits[0]) & (frequency[tops] < limits[1])]
+    return [float(frequency[i]) for i in tops if contrast[i] >= contrast[max(i - own, 0) : i + own + 1].max()]
 
 
 def by_mesh(record: Record, run: AlignedRun) -> TrueSpeed | None:
