@@ -29,6 +29,7 @@ _SEARCH_ROWS = 6000  # rows of the livelier part on which the starts are tried
 # Where the best start misses this share of the force on the livelier part, no search over the whole record makes
 # a description of it: a rough one shows by how much it fails.
 _HOPELESS, _ROUGH, _FEW = 0.3, 1e-3, 4
+_NOISE_PERIODS = 2.5  # of the low-pass on x: so long its noise, times the stiffness, is correlated in the residual
 _EVALUATIONS = 60  # of a start; those that get anywhere take a dozen
 
 
@@ -142,6 +143,11 @@ def _fit(model: TimeModel, q0: np.ndarray, tolerance: float, evaluations: int) -
     )
 
 
+def _memory(model: TimeModel) -> int:
+    """Return over how many rows the noise of the low-passed displacement hangs together."""
+    return max(math.ceil(_NOISE_PERIODS / (part.cutoff * float(np.median(np.diff(part.time))))) for part in model.segments)
+
+
 def _bounds_reached(model: TimeModel, fit: SeparableFit) -> dict[str, float]:
     return bounds_reached(fit.q, fit.at_bound, model.lower, model.upper)
 
@@ -180,7 +186,7 @@ def _finished(
     effective = effective_size(fit.residual, nuisance.shape[1])
     fraction = effective / fit.residual.size
     variance = fit.chi2 / max(fit.dof, 1)
-    coloured = newey_west(natural, fit.residual)
+    coloured = newey_west(natural, fit.residual, _memory(model))
     errors = Errors(coloured.matrix, np.zeros((len(keys), 0)), 0.0, coloured.dof)
     bounds = _bounds_reached(model, fit)
     verdict = judge(keys, values, natural, variance / fraction, errors, bounds)
