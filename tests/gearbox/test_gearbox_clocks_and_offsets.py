@@ -9,6 +9,7 @@ from scipy.stats import t as student
 from pipeline.rigs.gearbox.alignment import align
 from pipeline.rigs.gearbox.offsets import zero_offsets
 from pipeline.rigs.gearbox.record import Signal, record_of
+from pipeline.rigs.gearbox.run_numbers import numbers_of
 from pipeline.rigs.gearbox.segmentation import segment
 from pipeline.rigs.gearbox.synthetic import synthesize
 from pipeline.rigs.gearbox.truth import RPM
@@ -40,6 +41,54 @@ def test_boards_that_agree_are_left_alone(rpm):
     assert not clocks.vibration.applied
     assert not clocks.problems
     assert moved.encoder is plain.encoder
+
+
+@pytest.mark.parametrize("shift", [-9.0, -3.0, 0.07, 3.0, 9.0])
+@pytest.mark.parametrize("board", ["encoder", "vibration"])
+def test_clocks_that_are_seconds_apart_are_brought_together_and_told(board, shift):
+    plain = run(120.0, 5)
+    moved, clocks = align(replace(plain, **{board: getattr(plain, board).on_clock(-shift)}))
+    found = getattr(clocks, board)
+    if abs(shift) > 4.0 * found.shift_sd:
+        assert found.applied
+        assert len(clocks.problems) == 1
+        assert f"{abs(found.shift):.3f} s" in clocks.problems[0].message
+    assert abs(found.shift - shift) < 3.0 * found.shift_sd
+    assert segment(moved).complete
+
+
+def test_both_boards_may_be_seconds_apart():
+    plain = run(210.0, 5, fixture="x1_decoding")
+    apart = replace(plain, encoder=plain.encoder.on_clock(4.0), vibration=plain.vibration.on_clock(-5.0))
+    moved, clocks = align(apart)
+    assert clocks.encoder.shift == pytest.approx(-4.0, abs=0.05)
+    assert clocks.vibration.shift == pytest.approx(5.0, abs=0.1)
+    assert segment(moved).complete
+
+
+def test_clocks_that_nothing_tells_are_said_to_be_unknown_and_make_no_stall():
+    plain = run()
+    torque, encoder = plain.torque.part(13.0, 30.0), plain.encoder.on_clock(3.0).part(16.0, 33.0)
+    moved, clocks = align(replace(plain, torque=torque, encoder=encoder, vibration=plain.vibration.part(13.0, 30.0)))
+    assert clocks.encoder is None or not clocks.encoder.applied
+    assert clocks.problems
+    assert "stall" not in segment(moved).names
+
+
+def test_what_is_unknown_of_a_boards_rate_is_given():
+    plain = run()
+    _, clocks = align(plain)
+    assert clocks.rate_sd("encoder") == pytest.approx(200e-6 / np.sqrt(3.0))
+    together = replace(plain, vibration=Signal(plain.torque.time, {"acc_in_radial": plain.torque["torque_in"]}))
+    assert align(together)[1].rate_sd("vibration") == 0.0
+    _, drifting = align(replace(plain, encoder=plain.encoder.on_clock(0.0, 0.01)))
+    assert drifting.rate_sd("encoder") == drifting.encoder.drift_sd
+
+
+@pytest.mark.parametrize("ppm", [-200.0, 200.0])
+def test_interval_of_the_output_speed_holds_with_a_clock_that_is_off(ppm):
+    speed, error = numbers_of(run(120.0, 2, encoder_ppm=ppm)).speed_out
+    assert abs(speed - 120.0 * RPM) < 2.0 * error
 
 
 def test_weak_brake_still_tells_the_shift():

@@ -13,6 +13,8 @@ from pipeline.rigs.gearbox.stages import Problem
 _MODULI = tuple(2.0**k for k in (8, 10, 12, 14, 15, 16, 20, 24, 31, 32)) + tuple(10.0**k for k in range(3, 8))
 # A step is a jump beyond this many times the step that 99 % stay below, plus a few counts.
 _JUMP, _SLACK = 4.0, 6.0
+# What a frozen counter catches up is no more than the shaft turns in this time (s) and where samples are missing.
+_CATCHES_UP = 2.0
 _LEAST_COHERENCE, _SLOW_STEPS = 0.6, 5
 
 
@@ -61,9 +63,10 @@ def mended(time: np.ndarray, counts: np.ndarray, turn: float) -> tuple[np.ndarra
             before -= 1
         ran = edge_speed(time, whole, before, -1, usual_time) if before else None
         went_on = edge_speed(time, whole, i + 1, 1, usual_time)
-        fastest = max(ran.speed, went_on.speed) if ran is not None and ran.abrupt else 0.0
+        fastest = max(ran.speed, went_on.speed) if ran is not None and (ran.abrupt or went_on.abrupt) else 0.0
         step = float(whole[i + 1] - whole[i])
-        if 0.0 < step <= 1.5 * fastest * float(time[i + 1] - time[before]) + (limit if fastest else 0.0):
+        paused = float(time[i + 1] - time[i]) + min(float(time[i] - time[before]), _CATCHES_UP)
+        if 0.0 < step <= 1.5 * fastest * paused + (limit if fastest else 0.0):
             continue
         text = f"the encoder count jumps by {steps[i]:+.0f}; the jump is taken out"
         problems.append(Problem((float(time[i]), float(time[i + 1])), text))

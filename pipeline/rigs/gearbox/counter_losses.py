@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.rigs.gearbox.counter_jumps import jumps
 from pipeline.rigs.gearbox.stages import Problem
 
 # The speed at a pause is that of a straight line through this many counts and updates on one side of it, twice.
@@ -31,8 +32,8 @@ _QUICK, _SHARP, _HELD = 0.045, 0.7, 1.0
 _SHORT = 0.5
 # Where the shaft comes to rest unseen, s at the most.
 _UNSEEN = 1.0
-# A jump: so many counts, samples' worth of counts and robust standard deviations off what is usual beside it.
-_JUMP, _WORTH, _SIGMAS, _BESIDE = 6.0, 1.5, 8.0, 6
+# So short a pause (s) without a lost count harms nothing.
+_HARMLESS = 0.08
 # More losses than these are told together.
 _SINGLY = 5
 
@@ -90,15 +91,18 @@ def bridged(
         inside[0] |= first == 0 and gap[0] <= time[0]
         inside[-1] |= resumed == time.size - 1 and gap[1] >= time[-1]
         kept &= ~inside
-        gaps.append(gap)
+        # A line from one side to the other is as good as a curve where nothing is lost over a short while.
+        if lost or gap[1] - gap[0] > _HARMLESS:
+            gaps.append(gap)
         told.append(Problem(gap, text))
     time, counts = time[kept], counts[kept]
-    for at, size in _jumps(time, counts, gaps):
+    for at, size in jumps(time, counts, gaps):
         counts[at + 1 :] -= size
         gap = (float(time[max(at - 1, 0)]), float(time[min(at + 2, time.size - 1)]))
         gaps.append(gap)
-        verb = f"gains {size:.0f}" if size > 0 else f"loses {-size:.0f}"
-        told.append(Problem(gap, f"the encoder {verb} counts at once while the shaft turns on; given back"))
+        verb, undone = ("gains", "taken out") if size > 0 else ("loses", "given back")
+        text = f"the encoder {verb} some {abs(size):.0f} counts at once while the shaft turns on; they are {undone}"
+        told.append(Problem(gap, text))
     return time, counts, sorted(gaps), _together(sorted(told, key=lambda problem: problem.span))
 
 
@@ -215,11 +219,20 @@ def _loss(
         missing = _missing(time, counts, pause, (before, after), reach)
         alike = min(before.speed, after.speed) > 0.7 * max(before.speed, after.speed)
         right = abs(missing) <= max(_SHARE * abs(missing + counted), _FEW)
+        if right and silent and lasted <= _HARMLESS:
+            return None
+        if silent and lasted > _HELD and not right:
+            # So long a shaft may have stopped unseen, and a counter that goes on counting knows it.
+            text = (
+                f"the encoder told nothing for {lasted:.2f} s, and its counter went on by {missing:.0f} counts less than the speeds "
+                "beside it give: the shaft slowed down unseen, or counts are lost"
+            )
+            return gap, 0.0, text
         if right or not all(clear) or (silent and not alike):
             return gap, 0.0, text
         return gap, float(np.round(missing)), f"{text}; about {missing:.0f} counts are lost"
     if silent and counted:
-        return gap, 0.0, text
+        return (gap, 0.0, text) if lasted > _HARMLESS else None
     if _caught_up(time, counts, pause, sides):
         fastest = max(side.speed for side in sides)
         return (max(gap[0], gap[1] - 2 * counted / fastest), gap[1]), 0.0, text + " and then caught up: a dropout"
@@ -265,57 +278,6 @@ def _missing(
         speeds.append(long if abs(long - side.speed) < _STEADY * side.speed else side.speed)
     bend = lasted**2 / 12 * (sides[0].slope - sides[1].slope) if lasted < 0.1 else 0.0
     return 0.5 * lasted * sum(speeds) + bend - counted
-
-
-def _jumps(time: np.ndarray, counts: np.ndarray, gaps: Sequence[tuple[float, float]]) -> list[tuple[int, float]]:
-    """Return where the counter gained or lost counts from one sample to the next, and how many.
-
-    Three steps are compared with the six before and the six behind; what later samples give back (stamps that
-    jitter) is none.
-    """
-    many = _BESIDE + 3 + _BESIDE
-    if time.size < 2 * many:
-        return []
-    rate = np.diff(counts) / np.diff(time)
-    dt = float(np.median(np.diff(time)))
-
-    def excess(middle: int) -> tuple[np.ndarray, np.ndarray]:
-        half = middle // 2
-        at = np.arange(_BESIDE + half, time.size - 1 - _BESIDE - half)
-        a, b = at - half, at + half + 1
-        left = (counts[a] - counts[a - _BESIDE]) / (time[a] - time[a - _BESIDE])
-        right = (counts[b + _BESIDE] - counts[b]) / (time[b + _BESIDE] - time[b])
-        out, most = np.zeros(rate.size), np.zeros(rate.size)
-        out[at] = counts[b] - counts[a] - 0.5 * (left + right) * (time[b] - time[a])
-        most[at] = np.maximum(left, right)
-        return out, most
-
-    narrow, fastest = excess(3)
-    wide, _ = excess(7)
-    moving = narrow[fastest * dt > 1.0]
-    sigma = 1.4826 * float(np.median(np.abs(moving))) if moving.size else 0.0
-    limit = np.maximum(np.maximum(_JUMP, _WORTH * fastest * dt), _SIGMAS * sigma)
-    same = (
-        (np.sign(wide) == np.sign(narrow))
-        & (np.abs(wide) > 0.6 * np.abs(narrow))
-        & (np.abs(wide) < 1.6 * np.abs(narrow))
-    )
-    hits = np.flatnonzero((np.abs(narrow) > limit) & same)
-    found = []
-    for group in np.split(hits, np.flatnonzero(np.diff(hits) > 3) + 1):
-        if not group.size:
-            continue
-        near = slice(int(group[0]), int(group[-1]) + 1)
-        centre = int(group[np.argmax(np.abs(narrow[near][group - group[0]]))])
-        beside = any(
-            gap[0] <= time[centre + 8 if centre + 8 < time.size else -1] and gap[1] >= time[max(centre - 8, 0)]
-            for gap in gaps
-        )
-        steps = np.diff(counts[centre - 1 : centre + 3])
-        if not beside:
-            at = centre - 1 + int(np.argmax(np.abs(steps - np.median(steps))))
-            found.append((at, float(np.round(narrow[centre]))))
-    return found
 
 
 def _together(problems: list[Problem]) -> list[Problem]:

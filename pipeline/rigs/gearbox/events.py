@@ -102,7 +102,7 @@ def _widened(found: Found) -> Found:
 
 def _starts(counts: Counts, end: float, window: float) -> EventTime:
     """Return when a standing shaft began to turn, from its first counts; `window` s of them are used."""
-    if (unseen := _unseen(counts, end, 1)) is not None:
+    if (unseen := _unseen(counts, end)) is not None:
         return unseen
     at, _ = edges(counts)
     k = min(int(np.searchsorted(at, end - 1e-6)), at.size - 1)
@@ -113,7 +113,7 @@ def _starts(counts: Counts, end: float, window: float) -> EventTime:
 
 def _stops(counts: Counts, start: float) -> EventTime:
     """Return when the shaft stood, from its last counts: the same as a start, backwards."""
-    if (unseen := _unseen(counts, start, 0)) is not None:
+    if (unseen := _unseen(counts, start)) is not None:
         return unseen
     at, _ = edges(counts)
     k = max(int(np.searchsorted(at, start + 1e-6)) - 1, 0)
@@ -122,10 +122,10 @@ def _stops(counts: Counts, start: float) -> EventTime:
     return _standing_end(counts, fitted, (last, last + counts.still), last + counts.still, (parabola_before,))
 
 
-def _unseen(counts: Counts, bound: float, side: int) -> EventTime | None:
-    """Return the middle of a gap in the counts that ends (`side` 0) or begins (1) a stand's `bound`: it hides the event."""
+def _unseen(counts: Counts, bound: float) -> EventTime | None:
+    """Return the middle of a gap in the counts in which a stand's `bound` lies, s: it hides the event."""
     near = 2.0 * float(np.median(np.diff(counts.time)))
-    hidden = [gap for gap in counts.gaps if abs(gap[1 - side] - bound) <= near]
+    hidden = [gap for gap in counts.gaps if gap[0] - near <= bound <= gap[1] + near]
     if not hidden:
         return None
     start, end = hidden[0]

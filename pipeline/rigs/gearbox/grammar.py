@@ -130,7 +130,12 @@ def _missing(stages: Sequence[Stage]) -> list[Problem]:
                 "stopped, so there is no SOS. Brake harder"
             )
             return [Problem(span, text)]
-        return [Problem(whole, "step 4 of the protocol is missing: no brake stopped the output, so there is no SOS")]
+        return [
+            Problem(
+                whole,
+                "step 4 of the protocol is missing: no stop of the output under a brake was seen, so there is no SOS",
+            )
+        ]
     if "sos" in names and "fos_after" not in names:
         sos = next(stage for stage in stages if stage.name == "sos")
         text = "step 6 of the protocol is missing: after SOS the output did not run at nominal speed again"

@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from pipeline.rigs.gearbox.brake_check import brake_faults
 from pipeline.rigs.gearbox.counts import Counts, counts_of
 from pipeline.rigs.gearbox.events import cycle_events, rundown_event, startup_event
 from pipeline.rigs.gearbox.grammar import off_protocol
@@ -21,7 +22,9 @@ from pipeline.rigs.gearbox.record import Record
 from pipeline.rigs.gearbox.stages import Cycle, EventName, EventTime, Problem, Segmentation, Stage, StageName
 
 # The encoder may tell nothing for so long (s) before the torque is asked; it has then changed by this share of its level.
-_LONG_GAP, _CHANGED = 0.3, 0.3
+_LONG_GAP, _CHANGED, _FEW = 0.3, 0.3, 20
+# What is left of a stage that was cut lasts so long at the least, s.
+_SHORTEST = 0.15
 
 
 def segment(record: Record) -> Segmentation:
@@ -44,6 +47,8 @@ def segment(record: Record) -> Segmentation:
     nominal = steady_speed(counts, spans)
     spans, frozen = levels.hesitations(levels.split(spans))
     rough, problems = rough_stages(record, spans, levels)
+    # What lies in a gap of the counts has been told with the gap.
+    problems = [p for p in problems if not any(a - 0.1 <= p.span[0] and p.span[1] <= b + 0.1 for a, b in counts.gaps)]
     problems += frozen
     stages, cycles, unplaced = _refined(record, counts, rough)
     problems += unplaced
@@ -53,12 +58,13 @@ def segment(record: Record) -> Segmentation:
         **rundown_event(counts, stages),
     }
     stages = _with_ends(stages, found)
+    stages, unseen = lost_in(record, counts, stages)
     protocol, complete = off_protocol(stages)
     doubts = _doubtful(stages, levels)
-    protocol += [*doubts, *lost_in(record, counts, stages)]
+    protocol += [*doubts, *unseen, *brake_faults(record, stages)]
     order = sorted((*counts.problems, *problems, *protocol), key=lambda problem: problem.span)
     gaps = tuple(sorted((*counts.gaps, *(problem.span for problem in frozen))))
-    complete = complete and not doubts and not [p for p in problems if p not in frozen]
+    complete = complete and not doubts and not unseen and not [p for p in problems if p not in frozen]
     return Segmentation(tuple(stages), found, complete, tuple(order), nominal, _cycles(stages, cycles), gaps)
 
 
@@ -103,24 +109,33 @@ def _doubtful(stages: Sequence[Stage], levels: Levels) -> list[Problem]:
     return problems
 
 
-def lost_in(record: Record, counts: Counts, stages: Sequence[Stage]) -> list[Problem]:
-    """Return where the encoder told nothing while the torque left its level: what the shaft did then is unknown."""
-    problems = []
+def lost_in(record: Record, counts: Counts, stages: list[Stage]) -> tuple[list[Stage], list[Problem]]:
+    """Return the stages without what was not seen, and where: the encoder told nothing while the torque left its level."""
+    problems, kept = [], list(stages)
     for start, end in counts.gaps:
-        stage = next((one for one in stages if one.start <= start and end <= one.end), None)
-        if end - start < _LONG_GAP or stage is None or not stage.name.startswith("fos"):
+        over = [stage for stage in stages if stage.start < end and stage.end > start]
+        if end - start < _LONG_GAP or not over or not all(stage.name.startswith("fos") for stage in over):
             continue
         torque = record.torque.part(start, end)["torque_in"]
-        beside = record.torque.part(stage.start, stage.end)["torque_in"]
-        if torque.size and abs(np.ptp(np.percentile(torque, [5, 95]))) > 2 * np.ptp(
-            np.percentile(beside, [25, 75])
-        ) + abs(_CHANGED * np.median(beside)):
+        beside = record.torque.part(over[0].start, start)["torque_in"]
+        if torque.size < _FEW or beside.size < _FEW:
+            continue
+        level, spread = float(np.median(beside)), float(np.ptp(np.percentile(beside, [5, 95])))
+        away = float(np.abs(np.percentile(torque, [5, 95]) - level).max())
+        if away > _CHANGED * abs(level) + spread:
             text = (
                 f"the input torque leaves its level while the encoder told nothing ({start:.2f} to {end:.2f} s): what the output "
                 "did then, an SOS perhaps, is not known"
             )
             problems.append(Problem((start, end), text))
-    return problems
+            kept = [piece for stage in kept for piece in _cut(stage, start, end)]
+    return kept, problems
+
+
+def _cut(stage: Stage, start: float, end: float) -> list[Stage]:
+    """Return what is left of a stage without the time from `start` to `end`."""
+    left = replace(stage, end=min(stage.end, start)), replace(stage, start=max(stage.start, end))
+    return [one for one in left if one.duration > _SHORTEST]
 
 
 def _never_turns(counts: Counts) -> Problem:
