@@ -183,3 +183,84 @@ def test_one_bad_run_is_left_out_and_the_others_stay() -> None:
     findings = identify([good, bad], LoadExchangeSettings(), Context("test", {}))
     assert [run.used for run in findings.runs] == [True, False]
     assert any("Run bad is left out" in reason for reason in findings.reasons)
+
+
+def scaled(recording: Recording, **factors: float) -> Recording:
+    stream = recording.streams["torque"]
+    channels = {
+        name: Channel(name, factors.get(name, 1.0) * channel.values, channel.unit)
+        for name, channel in stream.channels.items()
+    }
+    return replace(recording, streams={**recording.streams, "torque": Stream("torque", stream.time, channels)})
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+@pytest.mark.parametrize("name", ["torque_in", "torque_out"])
+def test_one_torque_in_another_unit_is_no_swap(name: str, factor: float) -> None:
+    said = refused(scaled(recording_of({}), **{name: factor}))
+    assert "one of them is in another unit than declared, by about a thousand" in said
+    assert "swapped" not in said
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+def test_both_torques_in_another_unit_show_in_the_inertia(factor: float) -> None:
+    findings = findings_of(scaled(recording_of({}), torque_in=factor, torque_out=factor))
+    assert findings.verdict == "warning"
+    assert any("look at its unit (N m against mN m)" in reason for reason in findings.reasons)
+    assert findings.one("inertia_load", run="g3").value is None
+
+
+@pytest.mark.parametrize("name", ["torque_in", "torque_out"])
+def test_a_sensor_that_only_makes_noise_is_refused(name: str) -> None:
+    recording = recording_of({})
+    stream = recording.streams["torque"]
+    noise = 0.01 + 0.002 * np.random.default_rng(1).normal(size=stream.time.size)
+    channels = {**stream.channels, name: Channel(name, noise, "N*m")}
+    dead = replace(recording, streams={**recording.streams, "torque": Stream("torque", stream.time, channels)})
+    assert f"{name} does not follow the load" in refused(dead)
+
+
+def test_a_slope_that_no_locked_gearbox_has_is_a_warning() -> None:
+    findings = findings_of(recording_of({"gain_out": 0.1}))
+    assert any("which no gearbox locked as one body has" in reason for reason in findings.reasons)
+
+
+def test_fos_under_load_has_no_part_in_the_load_fit() -> None:
+    findings = findings_of(recording_of({"brakes": [[7.0, 10.0, 0.2], [12.0, 15.0, 0.4], [17.0, 22.0, 1.3]]}))
+    inertia = findings.one("inertia_load", run="g3")
+    assert inertia.ci95[0] < 0.0195 < inertia.ci95[1]
+    assert abs(inertia.value / 0.0195 - 1) < 0.06
+
+
+def test_a_run_without_its_core_numbers_is_not_ok() -> None:
+    # A box whose map has slope 1, so that nothing else warns.
+    box = {"a": 1.0, "brake_capacity": 2.4, "c0": 0.2, "c_s": 0.1}
+    whole = findings_of(recording_of({**box, "vibration": True}))
+    assert whole.verdict == "ok"
+    without = findings_of(recording_of(box))
+    assert without.verdict == "warning"
+    assert any("Missing" in reason and "speed_in_sos" in reason for reason in without.reasons)
+    short = findings_of(recording_of({**box, "vibration": True, "brake_on": 4.6}))
+    assert short.verdict == "warning"
+    assert any("too short for a nominal value" in reason for reason in short.reasons)
+
+
+def test_another_flywheel_is_not_averaged_into_the_campaign() -> None:
+    runs = [synthesize({**PLAIN, "runs": ("g3",)}, seed)[0] for seed in (1, 2, 3)]
+    heavy = synthesize({**PLAIN, "runs": ("g5",), "J_L": 0.026}, 4)
+    findings = identify([*runs[:1], *heavy], LoadExchangeSettings(), Context("test", {}))
+    assert "the runs do not move the same inertia: run g3 moves" in messages(findings)
+    assert next(p for p in findings.parameters if p.name == "inertia_load" and not p.at).value is None
+    named = [replace(run, run=f"run {i}") for i, run in enumerate(runs)]
+    findings = identify([*named, *heavy], LoadExchangeSettings(), Context("test", {}))
+    assert "run g5 moves 2" in messages(findings)
+    alike = identify(named, LoadExchangeSettings(), Context("test", {}))
+    assert "same inertia" not in messages(alike)
+
+
+@pytest.mark.parametrize(("stated", "verdict"), [(0.019, "ok"), (0.03, "warning"), (0.01, "warning")])
+def test_a_stated_flywheel_that_contradicts_the_inertia_is_told(stated: float, verdict: str) -> None:
+    recording = recording_of({"vibration": True, "a": 1.0, "brake_capacity": 2.4, "c0": 0.2, "c_s": 0.1})
+    findings = findings_of(replace(recording, conditions={**recording.conditions, "flywheel_inertia": stated}))
+    assert findings.verdict == verdict
+    assert any("times the flywheel's stated" in reason for reason in findings.reasons)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from gearbox_known import D0, D1, J_L, known
@@ -98,3 +100,35 @@ def test_an_impossible_inertia_is_no_number() -> None:
     assert set(reasons) == {"inertia_load", "drag_coulomb", "drag_viscous"}
     assert "no bench has" in reasons["inertia_load"]
     assert not _undetermined(np.array([2e-2, 0.25, 4e-3]), error)
+
+
+def test_a_drift_of_one_run_leaves_its_inertia_right():
+    run = made(0.03, 0.2, 0.005)
+    drifting = AlignedRun(
+        "r", run.time, run.torque_in, run.torque_out + 0.01 * run.time, run.angle_time, run.angle, run.stages, {}, 20.0
+    )
+    windows = modulated(drifting, [(4.0, 11.0)])
+    assert abs(load_parameters([windows]).values[0] / 0.03 - 1) > 0.02
+    found = load_parameters([windows.drifting(windows.time)])
+    assert found.values[0] == pytest.approx(0.03, rel=3e-3)
+    assert found.values[2] == pytest.approx(0.005, rel=0.05)
+
+
+@pytest.mark.parametrize("scatter", [(0.0, 0.0, 0.0), (0.03, 0.05, 0.1)])
+def test_intervals_of_a_campaign_hold_the_truth_whether_its_runs_scatter_or_not(scatter):
+    rng = np.random.default_rng(4)
+    base = [modulated(known(name, seed).run, known(name, seed).steady) for seed, name in enumerate(NAMES)]
+    fit = load_parameters(base)
+    held = np.zeros(3)
+    draws = 150
+    for _ in range(draws):
+        runs = []
+        for w in base:
+            # The noise of a run's windows from elsewhere in its own residual, sign at random: all as correlated as they are.
+            own = TRUE * (1 + np.array(scatter) * rng.standard_normal(3))
+            noise = rng.choice([-1.0, 1.0]) * np.roll(w.residual(fit.values), rng.integers(w.time.size))
+            runs.append(replace(w, torque=w.columns @ own + noise))
+        found = load_parameters(runs)
+        half = np.diff(found.covariance.intervals(found.values), axis=1)[:, 0] / 2
+        held += np.abs(found.values - TRUE) <= half
+    assert np.all(held / draws > 0.88)

@@ -198,10 +198,11 @@ def slip_torque(
 ) -> Estimate:
     """Return T_out/a with the output held (eq. C at rest): it needs no drag, which slipping may change."""
     name = "slip_torque"
-    if sos_in is None or sos_out is None:
+    if sos_out is None:
         return undetermined(name, "there is no settled SOS")
     if slope is None or math.isnan(sos_out.zero):
-        return undetermined(name, _no_drag(sos_in, fos_in, fos_out, slope) or NO_OFFSET)
+        why = _no_drag(sos_in, fos_in, fos_out, slope) if sos_in is not None else ""
+        return undetermined(name, why or NO_OFFSET)
     error, dof = welch(_reaction(sos_out, slope))
     return estimate(name, sos_out.value / slope.value, error, dof=dof)
 

@@ -15,9 +15,12 @@ import numpy as np
 from pipeline.recording import QualityFinding
 from pipeline.rigs.gearbox.counts import Counts, counts_of
 from pipeline.rigs.gearbox.record import COUNT, SPEED, TORQUES, Record
+from pipeline.signals.periodogram import block_means
 
 # Of the greatest torque of a run: less than that is no sign, and no excess of output over input.
 _CLEAR = 0.1
+# Both torques carry one load: means over this time, s, correlate by more than that.
+_BLOCK, _FOLLOWS = 0.25, 0.3
 # Of the top speed: what runs faster is near the nominal state.
 _FAST = 0.8
 _DECODINGS = (0.125, 0.25, 0.5, 2.0, 4.0, 8.0)
@@ -56,11 +59,31 @@ def input_faults(record: Record, counts: Counts | None = None) -> list[QualityFi
     if dead:
         text = "does not move at all: the sensor is dead, not connected, or mapped to the wrong column"
         return [QualityFinding("error", f"{name} {text}", record.run, name) for name in dead]
+    idle = _idle(record)
+    if idle:
+        text = (
+            f"{idle} does not follow the load: it only shows noise while the other torque changes. The sensor is dead, not connected, or "
+            "mapped to the wrong column"
+        )
+        return [QualityFinding("error", text, record.run, idle)]
     stretch = fast_stretch(record, counts or counts_of(record))
     if stretch is None:
         text = "the output shaft never turns: no stage can be told. Look whether the encoder is connected and mapped"
         return [QualityFinding("error", text, record.run, COUNT if record.has_counts else SPEED)]
     return [*_signs(record, stretch), *_units(record, stretch), *_swapped(record, stretch), *_speed(record, stretch)]
+
+
+def _idle(record: Record) -> str:
+    """Return the torque that has nothing to do with the other, empty where both follow one load."""
+    size = max(round(record.torque.rate * _BLOCK), 1)
+    if record.torque.time.size < 40 * size:
+        return ""
+    blocks = {name: block_means(record.torque.time, record.torque[name], size)[1] for name in TORQUES}
+    if abs(float(np.corrcoef(blocks["torque_in"], blocks["torque_out"])[0, 1])) > _FOLLOWS:
+        return ""
+    # What moves with the load moves slowly: its means keep its spread, those of noise lose it.
+    kept = {name: float(np.std(blocks[name]) / np.std(np.diff(record.torque[name]))) for name in TORQUES}
+    return min(kept, key=lambda name: kept[name])
 
 
 def fast_stretch(record: Record, counts: Counts) -> FastStretch | None:

@@ -98,6 +98,7 @@ def _saturated(run: RunNumbers) -> list[QualityFinding]:
 def _drifts(run: RunNumbers) -> list[QualityFinding]:
     """Tell torques that change at equal speed: a brake that still rubs, else warming up or a zero that drifts."""
     found = []
+    rubs = _rubs(run)
     for quantity, drift in run.torques.drifts.items():
         level, after = run.levels[quantity, _first_fos(run)], run.levels.get((quantity, "fos_after"))
         last = (after or level).span[1]
@@ -106,11 +107,13 @@ def _drifts(run: RunNumbers) -> list[QualityFinding]:
         grave: Level_ = "warning" if share > _DRIFTS else "note"
         offset = getattr(run.offsets, quantity)
         known = offset is not None and offset.before is not None and offset.after is not None
-        if quantity == "torque_out" and _rubs(run, change, share, (level.span[0], last)):
+        if quantity == "torque_out" and rubs:
             text = (
                 f"the brake does not free the load (step 6 of the protocol, brake off): FOS after SOS is {1e3 * change:+.0f} mN m "
                 f"above FOS before ({drift.sigmas:+.1f} sigma), and the input torque rises with it"
             )
+        elif rubs:
+            text = f"the input torque at equal speed rises by {1e3 * change:+.0f} mN m over SOS, with the brake that does not free the load"
         else:
             how = "steadily" if drift.shape == "line" else "over SOS"
             text = (
@@ -125,12 +128,15 @@ def _first_fos(run: RunNumbers) -> str:
     return "fos" if ("torque_in", "fos") in run.levels else "fos_after"
 
 
-def _rubs(run: RunNumbers, change: float, share: float, span: tuple[float, float]) -> bool:
+def _rubs(run: RunNumbers) -> bool:
     """Tell whether a brake explains a rise of the output torque: it comes over SOS, and the input torque carries it."""
-    carried, driving = run.torques.drifts["torque_out"], run.torques.drifts.get("torque_in")
-    if carried.shape != "step" or share < _HELD or not change > 0 or driving is None:
+    carried, driving = run.torques.drifts.get("torque_out"), run.torques.drifts.get("torque_in")
+    before, after = run.levels.get(("torque_out", "fos")), run.levels.get(("torque_out", "fos_after"))
+    if not carried or not driving or not before or not after:
         return False
-    return driving.change(span[1]) - driving.change(span[0]) > 0.5 * change
+    rise_out, rise_in = (one.change(after.span[1]) - one.change(before.span[0]) for one in (carried, driving))
+    over_sos = "step" in (carried.shape, driving.shape)
+    return over_sos and rise_out > _HELD * abs(before.value) and rise_in > 0.5 * rise_out
 
 
 def _slips(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFinding]:

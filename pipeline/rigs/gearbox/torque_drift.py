@@ -104,9 +104,10 @@ def drift_of(
         shapes.append(("step", (stretch > 0).astype(float)))
     found = [(shape, *_size(np.column_stack(base), column, x, stretch)) for shape, column in shapes]
     clearly = len(found) > 1 and found[0][-2] - found[1][-2] > _CLEARLY * found[1][-1]
-    shape, size, sigmas, limit, _, _ = found[1 if clearly else 0]
-    if abs(sigmas) <= limit:
+    significant = [one for one in (reversed(found) if clearly else found) if abs(one[2]) > one[3]]
+    if not significant:
         return None
+    shape, size, sigmas, limit, _, _ = significant[0]
     turn = 0.5 * (steady[0][1] + steady[-1][0])
     return Drift(shape, size if shape == "line" else 0.0, size if shape == "step" else 0.0, since, turn, sigmas, limit)
 

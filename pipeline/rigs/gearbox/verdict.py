@@ -21,6 +21,8 @@ from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.vibration_numbers import VibrationNumbers
 
 _TOLD = 4
+# Slope of the torque map that a bench can have (section 5.6).
+_SLOPES = (0.2, 1.05)
 # Inertias that differ by less are one; shaft, coupling and brake disc add up to the second share to a flywheel.
 _ALIKE, _MORE = 0.05, 0.25
 
@@ -105,6 +107,13 @@ def _sensors(said: Judgement, campaign: CampaignNumbers, settings: LoadExchangeS
         said.warn("The sensors' consistency cannot be checked: no brake rise gives the slope of the torque map.")
         return
     off = abs(transfer.slope - 1.0)
+    low, high = (transfer.slope - limit for limit in _SLOPES)
+    if low < -2.0 * transfer.slope_error or high > 2.0 * transfer.slope_error:
+        said.warn(
+            f"The torque map has slope {transfer.slope:.3g}, which no gearbox locked as one body has ({_SLOPES[0]:g} to {_SLOPES[1]:g}): gain or "
+            "unit of a torque sensor is wrong, and so is what follows from both torques."
+        )
+        return
     told = f"The torque map has slope {transfer.slope:.3f} ± {1.96 * transfer.slope_error:.2g}"
     if off <= settings.slope_tolerance or off <= 2.0 * transfer.slope_error:
         said.reasons.append(f"{told}: as a rigid box has.")
