@@ -52,15 +52,17 @@ def clip_of(time: np.ndarray, values: np.ndarray) -> Clip:
     --------
     >>> x = np.clip(np.random.default_rng(1).normal(size=4000), None, 2.0)
     >>> clip = clip_of(np.arange(4000.0), np.sort(x))
-    >>> clip.limit, clip.times.size == (x == 2.0).sum()
+    >>> clip.limit, clip.times.size == int((x == 2.0).sum())
     (2.0, True)
     """
     cut = np.zeros(values.size, dtype=bool)
     limit = NONE.limit
-    for top in (float(values.min()), float(values.max())):
+    ends = (float(values.min()), float(values.max()))
+    # A channel may be cut at both ends: the other end is no place where samples are equal by chance.
+    inside = (values > ends[0]) & (values < ends[1])
+    for top in ends:
         at = values == top
         longest = _longest(at)
-        inside = ~at
         equal = (values[1:] == values[:-1]) & inside[1:]
         chance = float(equal.sum()) / max(int(inside.sum()), 1)
         # Coarse converters and held samples are flat everywhere.
