@@ -26,8 +26,8 @@ _SHARE, _FEW = 0.15, 3.0
 # A mean speed beside a pause is that of so many counts where it agrees with the edge's by a tenth.
 _LONG, _STEADY = 60, 0.1
 # Speeds read over longer than that (s) cannot tell a frozen counter from a quick stop or a quick start. Then one
-# side tells nothing, and both must run at this share of top speed unless the pause is shorter than a stop is held.
-_QUICK, _SHARP, _HELD = 0.045, 0.7, 1.0
+# side tells nothing (nor does it with fewer counts than `_ALONE`), and both must run at this share of top speed unless the pause is shorter than a stop is held.
+_QUICK, _ALONE, _SHARP, _HELD = 0.045, 6.0, 0.7, 1.0
 # A pause that is shorter is unknown as a whole where one side shows that the counter froze, s.
 _SHORT = 0.5
 # Where the shaft comes to rest unseen, s at the most.
@@ -209,7 +209,9 @@ def _loss(
         for side in sides
     ]
     text = f"the encoder {'told nothing' if silent else 'stood still'} for {lasted:.2f} s"
-    fine = not silent and any(c and s.wide < _QUICK for c, s in zip(clear, sides, strict=True))
+    fine = not silent and any(
+        c and s.wide < _QUICK and s.speed * s.wide > _ALONE for c, s in zip(clear, sides, strict=True)
+    )
     if clear and (all(clear) or (any(clear) and fine and lasted < _SHORT)):
         text += (
             " while the shaft turned on: a dropout, not a stop" if all(clear) else " while the shaft turned: a dropout"

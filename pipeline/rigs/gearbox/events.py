@@ -22,7 +22,7 @@ _REACH = 0.5
 # A fall of the torque is clear that takes this many variances away.
 _CLEAR = 40.0
 Found = dict[EventName, EventTime]
-# A brake and a drive come on smoothly, a low-pass moves a lopsided peak: what that may do to a time, s.
+# A brake and a drive come on smoothly where a straight ramp or a parabola is fitted: what that may do to a time, s.
 _SHAPE: dict[EventName, float] = {
     "startup": 0.02,
     "brake_onset": 0.01,
@@ -96,7 +96,13 @@ def cycle_events(record: Record, counts: Counts, stages: Sequence[Stage], sos: S
 
 
 def _widened(found: Found) -> Found:
-    """Return the events with what the fitted shape leaves open added to their errors."""
+    """Return the events with what the fitted shape leaves open added to their errors.
+
+    Noise, sampling and slope are in each fit's own error. What the shape adds cannot be read off one run: the floors
+    are what straight shapes do to the smooth onsets of the synthetic rig (gearbox.md, section 6), where they cover the
+    error at 60 to 240 rpm; that of `unlock` is a quarter of the low-pass's period. On a drive or brake that comes on
+    over much more than its 0.15 to 0.3 s they may be too small.
+    """
     return {name: EventTime(event.time, math.hypot(event.sd, _SHAPE[name])) for name, event in found.items()}
 
 
