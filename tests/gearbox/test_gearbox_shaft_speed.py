@@ -8,6 +8,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.recording import Channel, Recording, Stream
 from pipeline.rigs.experiment import Context
+from pipeline.rigs.gearbox.check import check
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
 from pipeline.rigs.gearbox.identify import identify
 from pipeline.rigs.gearbox.record import record_of
@@ -34,6 +35,8 @@ def with_speed(recording: Recording, factor: float) -> Recording:
 def refused(recording: Recording) -> str:
     with pytest.raises(InputError) as caught:
         identify([recording], LoadExchangeSettings(), Context("test", {}))
+    said = [finding.message for finding in check(recording) if finding.level == "error"]
+    assert said[0].rstrip(".")[:60] in str(caught.value)
     return str(caught.value)
 
 

@@ -1,4 +1,4 @@
-"""What `rigfit check` tells of one gearbox log: faults in the words of `identify`, without identifying anything."""
+"""What `rigfit check` tells of one gearbox log: faults in the words of `identify`, no numbers."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
-from pipeline.rigs.gearbox.alignment import align
 from pipeline.rigs.gearbox.counts import counts_of
 from pipeline.rigs.gearbox.faults import errors_of, input_faults
 from pipeline.rigs.gearbox.record import COUNT, SPEED, record_of
-from pipeline.rigs.gearbox.segmentation import segment
+from pipeline.rigs.gearbox.run_faults import speed_faults
+from pipeline.rigs.gearbox.run_numbers import numbers_of
 
 
 def check(recording: Recording) -> Sequence[QualityFinding]:
@@ -25,6 +25,9 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
     found += [QualityFinding(p.level, p.message, record.run, encoder, p.span) for p in counts.problems]
     if errors_of(found):
         return tuple(found)
-    record, alignment = align(record)
-    told = [p for p in (*alignment.problems, *segment(record).problems) if p not in counts.problems]
+    numbers = numbers_of(record)
+    found += speed_faults(numbers)
+    if errors_of(found):
+        return tuple(found)
+    told = [p for p in (*numbers.alignment.problems, *numbers.segmentation.problems) if p not in counts.problems]
     return (*found, *(QualityFinding(p.level, p.message, record.run, None, p.span) for p in told))
