@@ -2,5 +2,6 @@
 
 from pipeline.rigs.mre.hold.declaration import HOLD
 from pipeline.rigs.mre.shear.declaration import SHEAR
+from pipeline.rigs.mre.step.declaration import STEP
 
-EXPERIMENTS = (SHEAR, HOLD)
+EXPERIMENTS = (SHEAR, HOLD, STEP)

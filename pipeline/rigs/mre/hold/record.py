@@ -226,7 +226,7 @@ def _refuse_dead(
         return none
     inside = [values[(time >= a) & (time < b) & np.isfinite(values)] for a, b in windows]
     clipped, stuck = clipped_or_stuck(inside, valid)
-    lost = clipped | stuck
+    lost = np.asarray(clipped | stuck)
     if lost.all() or (~lost).sum() < _FEWEST_HOLDS:
         if lost.any():
             say("error", name, f"{name} is clipped or stuck in {int(lost.sum())} of {lost.size} holds.")

@@ -1,0 +1,202 @@
+"""One log of a step test -> force over time, the measured current on a fine grid, and where it steps.
+
+What makes a whole log unusable raises `UnusableError` with the reason. Fitting is elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import counted
+from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.mre.current_levels import Hold, Staircase, holds_of
+from pipeline.rigs.mre.hold.record import UnusableError
+from pipeline.rigs.mre.hold.repeats import clipped_or_stuck
+from pipeline.rigs.mre.step.lags import passes
+
+_LEAST_STEP = 0.15  # of the range of the current
+_FINEST, _MOST_ROWS = 1e-3, 20_000  # s; rows of the force that enter, means of neighbours beyond
+_FEWEST = 30
+_WILD = 8.0  # robust standard deviations
+DIRECTIONS = ("rise", "fall")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One change of the current: levels before and after (A), its onset, and until when the level is held (s).
+
+    `spread` is the standard error of the onset where the change is not resolved by the samples (s), `resolved` how many samples lie in it.
+    """
+
+    direction: str
+    before: float
+    after: float
+    start: float
+    onset: float
+    end: float
+    spread: float
+    resolved: int
+
+    @property
+    def size(self) -> float:
+        """Change of the magnitude of the current, A."""
+        return self.after - self.before
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A usable log. `time`, `force` shape (n,); `grid` and `current`, shape (m,), uniform with step `dt`; `period` of the current's samples."""
+
+    run: str
+    recording: Recording
+    time: np.ndarray
+    force: np.ndarray
+    grid: np.ndarray
+    current: np.ndarray
+    dt: float
+    period: float
+    steps: tuple[Step, ...]
+    stairs: Staircase
+    findings: tuple[QualityFinding, ...]
+
+    def of(self, direction: str) -> list[Step]:
+        """Return the steps of a direction."""
+        return [step for step in self.steps if step.direction == direction]
+
+
+def record_of(recording: Recording) -> Record:
+    """Return force, current and steps of a log.
+
+    Raises
+    ------
+    UnusableError
+        If a channel is missing, dead, clipped or negative, or the current does not step.
+    """
+    findings: list[QualityFinding] = []
+
+    def say(level: str, channel: str | None, message: str) -> None:
+        findings.append(QualityFinding(level, message, recording.run, channel))  # type: ignore[arg-type]
+
+    begin = min(float(stream.time[0]) for stream in recording.streams.values() if stream.time.size)
+    time, force = _force(recording, begin)
+    own, raw = recording.signal("current")
+    valid = np.isfinite(raw)
+    own, raw = own[valid] - begin, raw[valid]
+    if raw.size < _FEWEST:
+        raise UnusableError(f"the current has only {counted(int(raw.size), 'sample')}", "current")
+    low, high = np.quantile(raw, [0.005, 0.995])
+    if np.ptp(raw) == 0 or max(abs(low), abs(high)) < 0.05 or high - low < 0.05:
+        raise UnusableError(
+            f"the current lies between {low:.4g} and {high:.4g} A throughout: no step, or A taken as mA (factor 1000)",
+            "current",
+        )
+    if -low > 5 * max(high, 0.0):
+        say("warning", "current", f"the current is negative (to {low:.4g} A): taken as positive; check its sign.")
+        raw = -raw
+    stairs = holds_of(own, raw)
+    steps = _steps(own, raw, stairs)
+    if not steps:
+        raise UnusableError(
+            "the current has no step: no two levels held for half a second, one after the other", "current"
+        )
+    period = float(np.median(np.diff(own)))
+    clean = _without_spikes(own, raw, stairs)
+    dt = min(max(period, float(own[-1] - own[0]) / 100_000), _FINEST)
+    grid = np.arange(min(own[0], time[0]), max(own[-1], time[-1]) + dt, dt)
+    _refuse_clipped(time, force, stairs)
+    time, force = _thinned(time, force)
+    current = np.interp(grid, own, clean)
+    return Record(recording.run, recording, time, force, grid, current, dt, period, steps, stairs, tuple(findings))
+
+
+def _force(recording: Recording, begin: float) -> tuple[np.ndarray, np.ndarray]:
+    time, F = recording.signal("force_axial")
+    valid = np.isfinite(F)
+    time, F = time[valid] - begin, F[valid]
+    if F.size < _FEWEST:
+        raise UnusableError(f"force_axial has only {counted(int(F.size), 'sample')} with a number", "force_axial")
+    if np.ptp(F) == 0:
+        raise UnusableError(f"force_axial is dead: every sample is {F[0]:.4g}", "force_axial")
+    if float(np.median(F)) < 0:
+        raise UnusableError(
+            "force_axial is negative, but compression counts positive: mend it in the recipe with 'sign: -1' under 'channels'",
+            "force_axial",
+        )
+    return time, F
+
+
+def _steps(time: np.ndarray, current: np.ndarray, stairs: Staircase) -> tuple[Step, ...]:
+    holds = stairs.holds
+    found = []
+    for number in range(1, len(holds)):
+        before, after = holds[number - 1], holds[number]
+        size = abs(after.level) - abs(before.level)
+        if abs(after.level - before.level) < _LEAST_STEP * float(np.ptp([h.level for h in holds])):
+            continue
+        end = after.stop
+        onset, spread, resolved = _onset(time, current, before, after, stairs)
+        start = min(onset, before.stop) - stairs.step
+        found.append(
+            Step("rise" if size > 0 else "fall", before.level, after.level, start, onset, end, spread, resolved)
+        )
+    return tuple(found)
+
+
+def _onset(
+    time: np.ndarray, current: np.ndarray, before: Hold, after: Hold, stairs: Staircase
+) -> tuple[float, float, int]:
+    """Return when the current begins to change, its standard error where the samples do not resolve it, samples in the change.
+
+    The straight line through the passage of 5 and of 25 % is carried back to 0.
+    """
+    rows = (time > before.stop - 6 * stairs.step) & (time < after.start + 6 * stairs.step)
+    t = time[rows]
+    share = (current[rows] - before.level) / (after.level - before.level)
+    resolved = int(np.count_nonzero((share > 0.05) & (share < 0.95)))
+    floor = max(0.05, 4 * stairs.noise / abs(after.level - before.level))
+    floor = min(floor, 0.3)
+    if resolved < 2:
+        k = int(np.flatnonzero(share > 0.5)[0]) if (share > 0.5).any() else 0
+        last, first = float(t[max(k - 1, 0)]), float(t[k])
+        if k and share[k - 1] > 0.05:  # the sample on the way tells that it had begun before
+            last -= stairs.step
+            first -= stairs.step
+        return 0.5 * (last + first), (first - last) / math.sqrt(12), resolved
+    low, high = passes(t, share, floor), passes(t, share, floor + 0.2)
+    return low - (high - low) * floor / 0.2, 0.0, resolved
+
+
+def _without_spikes(time: np.ndarray, current: np.ndarray, stairs: Staircase) -> np.ndarray:
+    """Return the current with lone wild samples within the holds put back to the level."""
+    clean = current.copy()
+    for hold in stairs.holds:
+        inside = (time >= hold.start) & (time < hold.stop)
+        off = np.abs(current - hold.level)
+        wild = inside & (off > max(_WILD * stairs.noise, 0.02))
+        if wild.sum() <= max(0.01 * inside.sum(), 1):
+            clean[wild] = hold.level
+    return clean
+
+
+def _refuse_clipped(time: np.ndarray, force: np.ndarray, stairs: Staircase) -> None:
+    holds = [force[(time >= h.start) & (time < h.stop)] for h in stairs.holds]
+    clipped, stuck = clipped_or_stuck(holds, force)
+    for which, word in ((clipped, "clipped"), (stuck, "stuck")):
+        if which.any():
+            value = float(np.median(holds[int(np.flatnonzero(which)[0])]))
+            raise UnusableError(
+                f"force_axial is {word} at {value:.4g} N while the current is held: its end level, and with it all times, is lost",
+                "force_axial",
+            )
+
+
+def _thinned(time: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return means of neighbours where there are more samples than a fit needs."""
+    group = -(-time.size // _MOST_ROWS)
+    if group == 1:
+        return time, force
+    n = time.size // group * group
+    return time[:n].reshape(-1, group).mean(axis=1), force[:n].reshape(-1, group).mean(axis=1)
