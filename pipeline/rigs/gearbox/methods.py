@@ -37,7 +37,9 @@ def _levels(findings: Findings) -> str:
         "from that at the end. Nominal torques are means over whole turns after the transient was cut (MSER, White 1997) and shaft orders 1 "
         "and 2 fitted; their errors use the effective number of samples and add the offset's. Peaks are maxima after a 20 Hz zero-phase "
         "low-pass; what noise adds to a maximum was found by adding the noise of steady stretches to it. Zero offsets cancel in "
-        f"differences of one sensor and not in ratios. Type B ({share:g} % of the sensor's range) is told apart."
+        f"differences of one sensor and not in ratios. Type B ({share:g} % of the sensor's range) is told apart. A torque that changes between "
+        "and within the locked stretches by more than its noise, with no standstill at the end to tell its zero, widens all intervals of its "
+        "channel by what its zero may have moved. Samples at an end stop are left out."
     )
 
 
@@ -45,7 +47,8 @@ def _map() -> str:
     return (
         "The slope a of T_out = a (T_in - T_00) was fitted by total least squares to the brake's rise (locked, constant speed), to the start-up "
         "and to the steady levels, ripple over the shaft's angle taken out; runs were pooled by weight. T_0 = T_in - T_out/a in FOS, lock "
-        "torque = peak T_in - T_0, slip torque = T_out/a with the output held."
+        "torque = peak T_in - T_0 (peak without ripple and without what the low-pass adds to its kink; T_0 at the speed at which the lock broke "
+        "where its law over speed is known), slip torque = T_out/a with the output held."
     )
 
 
@@ -53,7 +56,9 @@ def _load() -> str:
     return (
         "T_out = J dω/dt + d0 + d1 ω was integrated against sin^4 windows of 0.8 s, hop 0.1 s (modulating functions, Shinbrot 1957), by parts, "
         "so that counts are never differentiated; least squares over the windows of all runs together, start-up and release, brake free. "
-        "Errors come from the torque noise of steady stretches carried through the fit, wider where runs differ by more."
+        "Errors come from the torque noise of steady stretches carried through the fit, wider where leaving out one run at a time shows more "
+        "scatter. A drift of torque_out is fitted with it. The gearbox's own inertia is not reported: such a campaign leaves it as uncertain "
+        "as it is large."
     )
 
 
