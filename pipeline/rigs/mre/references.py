@@ -58,3 +58,12 @@ SCHWARZ_1978 = Reference(
     volume="6",
     pages="461-464",
 )
+GENT_LINDLEY_1959 = Reference(
+    "gent1959",
+    "A. N. Gent and P. B. Lindley",
+    "The compression of bonded rubber blocks",
+    "Proceedings of the Institution of Mechanical Engineers",
+    1959,
+    volume="173",
+    pages="111-122",
+)
