@@ -96,12 +96,33 @@ def check(logs: tuple[Path, ...], experiment: str | None, recipe: Path | None, r
 @click.option(
     "--with", "uses", multiple=True, type=PATH, help="findings.json that this experiment builds on; repeatable."
 )
+@click.option(
+    "--live",
+    is_flag=True,
+    help="First play the logs and show how the experiment's online method finds the parameters (mre.shear_rich).",
+)
+@click.option(
+    "--speed",
+    type=click.FloatRange(min=0, min_open=True),
+    help="With --live: play so many times as fast as it was logged; as fast as possible by default.",
+)
 def run(
-    experiment: str, logs: tuple[Path, ...], out: Path, recipe: Path | None, runs: Path | None, uses: tuple[Path, ...]
+    experiment: str,
+    logs: tuple[Path, ...],
+    out: Path,
+    recipe: Path | None,
+    runs: Path | None,
+    uses: tuple[Path, ...],
+    live: bool,
+    speed: float | None,
 ) -> None:
     """Identify and report logs ad hoc, without DVC.
 
     Nothing is registered; everything is written into the folder of --out.
+
+    \b
+    Watch an online method, in real time or faster (the result at the end is the same):
+                 rigfit run mre.shear_rich LOG --out DIR --live --speed 1
 
     \b
     Exit status: 0  findings written, verdict ok or warning
@@ -112,7 +133,9 @@ def run(
     """
     from pipeline.cli import stages
 
-    sys.exit(stages.run(experiment, logs, out, recipe, runs, uses))
+    if speed is not None and not live:
+        raise click.UsageError("--speed is for --live; add --live.")
+    sys.exit(stages.run(experiment, logs, out, recipe, runs, uses, replay=(speed or float("inf")) if live else None))
 
 
 @rigfit.command()

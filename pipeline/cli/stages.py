@@ -12,6 +12,7 @@ import click
 from pipeline.campaign import identify_stage, ingest_stage, ingested, logs, report_stage, runs_table, synthesize_stage
 from pipeline.campaign.project import Campaign, Project
 from pipeline.campaign.recipe import Recipe, load
+from pipeline.cli import replaying
 from pipeline.cli.progress import progress
 from pipeline.errors import InputError
 from pipeline.findings import Findings
@@ -28,9 +29,15 @@ def run(
     recipe_path: Path | None,
     runs_path: Path | None,
     uses: Sequence[Path],
+    replay: float | None = None,
 ) -> int:
-    """Do all stages for logs named on the command line; results go into `out`."""
+    """Do all stages for logs named on the command line; results go into `out`.
+
+    With `replay` the recordings are first played, so many times as fast as they were logged.
+    """
     experiment = find_experiment(experiment_id)
+    if replay is not None:
+        replaying.must_follow(experiment)
     recipe = load(recipe_path, experiment_id) if recipe_path else Recipe.default(experiment)
     runs = logs.runs_of(logs.as_given(paths))
     if out.exists() and not out.is_dir():
@@ -47,6 +54,8 @@ def run(
             ingested = ingest_stage.ingest(
                 recipe, runs, fresh / "recordings", base=Path.cwd(), table=table, progress=step
             )
+        if replay is not None:
+            replaying.play(experiment, recipe.settings, ingested.recordings(), replay)
         findings = identify_stage.identify(name, recipe, ingested, handed, fresh)
         page = report_stage.report(findings, experiment, recipe.title, command, fresh)
     page = out / page.name

@@ -10,8 +10,9 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, get_args
+from typing import Any, Protocol, get_args
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
 from pipeline.findings import Findings
@@ -162,6 +163,25 @@ class Later:
         return found
 
 
+class Follower(Protocol):
+    """An online method along one record, fed as the samples come in."""
+
+    channels: Sequence[str]
+    """The channels of one stream that it needs."""
+
+    def heading(self) -> Sequence[str]:
+        """Return the lines that stand above those of `say`."""
+
+    def feed(self, time: np.ndarray, values: Sequence[np.ndarray]) -> None:
+        """Take the next samples: time (s) and the channels in their order, SI, shape (n,) each, NaN where not measured."""
+
+    def say(self) -> str:
+        """Return what is known by now, in one line."""
+
+    def finish(self) -> Sequence[str]:
+        """Say that the record is over; return what is to be said at its end."""
+
+
 @dataclass(frozen=True)
 class Experiment:
     """One kind of test on a rig.
@@ -184,6 +204,9 @@ class Experiment:
         ``check(recording) -> quality findings`` that only this rig's physics can tell (swapped
         signs, wrong units), for `rigfit check` and ingest: in the words of `identify`, an error where that
         leaves the run out. Raises InputError where this run alone leaves nothing to identify.
+    live
+        ``live(recording, settings)`` makes what follows that record while it comes in (`Follower`), for
+        `rigfit run --live`: it looks at conditions and channel names only. None where the experiment has no such method.
     """
 
     id: str
@@ -200,6 +223,7 @@ class Experiment:
     methods: Callable[[Findings], Sequence[str]]
     check: Callable[[Recording], Sequence[QualityFinding]] = lambda _recording: ()
     operating: Sequence[ConditionSpec] = ()
+    live: Callable[[Recording, Any], Follower] | None = None
 
     @property
     def rig(self) -> str:

@@ -65,8 +65,11 @@ class Track:
     variances: np.ndarray
 
 
-class JointFilter(UnscentedKalmanFilter):
+class JointFilter(UnscentedKalmanFilter):  # type: ignore[misc]
     """The filter: `advance` carries it along steps. `held` tells which parameters ran to the edge of what is allowed."""
+
+    x: np.ndarray
+    P: np.ndarray
 
     def __init__(self, start: Start, sigma: float, *, annealed: bool = True, compiled: bool = True) -> None:
         """`sigma` is the standard deviation of the force's noise, N; without annealing R is constant."""
@@ -91,7 +94,7 @@ class JointFilter(UnscentedKalmanFilter):
     def _carried(state: np.ndarray, dt: float, path: np.ndarray) -> np.ndarray:
         out = np.empty((1, state.size))
         joint_state.carry(state[None], path, dt, out)
-        return out[0]
+        return np.asarray(out[0])
 
     @staticmethod
     def _measured(state: np.ndarray, x: float, v: float) -> np.ndarray:

@@ -34,7 +34,7 @@ def from_logs(logs: np.ndarray) -> dict[str, np.ndarray]:
 def _slope(w: float, rising: bool, rho: float, c2: float, n: float) -> float:
     """Return dw/dx of eq. (12) for x that rises or falls."""
     a = max(abs(w), 1e-14) ** n
-    return rho * (1.0 - a) if (w >= 0.0) == rising else rho * (1.0 + c2 * a)
+    return float(rho * (1.0 - a) if (w >= 0.0) == rising else rho * (1.0 + c2 * a))
 
 
 @nb.njit(cache=True)
@@ -76,13 +76,4 @@ def force(state: np.ndarray, x: float, v: float) -> float:
     slope = _slope(w, v > 0.0, math.exp(state[6]), 2.0 * math.exp(state[7]), 1.0 + math.exp(state[8]))
     late = math.exp(state[2]) * (u - lag * (v - u / math.exp(state[3]))) + math.exp(state[4]) * (x - lag * v)
     late += math.exp(state[5]) * (w - lag * slope * v)
-    return late + (state[9] if size > 9 else 0.0) + (state[11] * v if size > 11 else 0.0)
-
-
-@nb.njit(cache=True)
-def forces(sigmas: np.ndarray, x: float, v: float) -> np.ndarray:
-    """Return the force at every sigma point, shape (points, 1)."""
-    out = np.empty((sigmas.shape[0], 1))
-    for i in range(sigmas.shape[0]):
-        out[i, 0] = force(sigmas[i], x, v)
-    return out
+    return float(late + (state[9] if size > 9 else 0.0) + (state[11] * v if size > 11 else 0.0))

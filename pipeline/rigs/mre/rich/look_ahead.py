@@ -13,7 +13,10 @@ import numpy as np
 
 # Steps of the filter per period of the cutoff, as in the batch fit: 60 Hz gives 1 kHz.
 STEPS_PER_PERIOD = 16.0
-_WIDTH, _BETA = 3.0, 6.0  # half-width of the kernel in periods of the cutoff, and its Kaiser window: 1e-3 beside the pass band
+_WIDTH, _BETA = (
+    3.0,
+    6.0,
+)  # half-width of the kernel in periods of the cutoff, and its Kaiser window: 1e-3 beside the pass band
 _RATE_FROM = 256  # samples from which the rate of the log is taken
 _PIECE = 1 << 14
 _HIGHEST = 0.4  # of the rate
@@ -45,6 +48,12 @@ class Steps:
     def none(cls, pieces: int = 1) -> Steps:
         """No step."""
         return cls(np.zeros(0), np.zeros((0, pieces + 1)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
+
+    def first(self, count: int) -> Steps:
+        """Return the first so many."""
+        return Steps(
+            self.time[:count], self.path[:count], self.velocity[:count], self.force[:count], self.fresh[:count]
+        )
 
     @classmethod
     def joined(cls, parts: list[Steps]) -> Steps:
@@ -116,7 +125,7 @@ class LookAhead:
         """Return the kernel of the velocity: the derivative of the smoothed displacement."""
         fine = 1e-3
         ahead, back = (self._kernel(self.cutoff, self.half, side * fine) for side in (1.0, -1.0))
-        return (ahead - back) / (2 * fine) * self.rate
+        return np.asarray((ahead - back) / (2 * fine) * self.rate)
 
     def _clear(self) -> None:
         self._raw = np.zeros((3, 0))

@@ -5,48 +5,71 @@ The same code runs live and in identification. What its numbers are worth is in 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
-from pipeline.rigs.mre.rich.joint_filter import R_START, JointFilter, Start
-from pipeline.rigs.mre.rich.joint_state import PARAMETERS, STATES, from_logs
+from pipeline.rigs.mre.rich.joint_filter import JointFilter, Start, Track
+from pipeline.rigs.mre.rich.joint_state import PARAMETERS, SHEET, STATES, from_logs
 from pipeline.rigs.mre.rich.look_ahead import LookAhead, Steps
-from pipeline.rigs.mre.rich.start import enough, start_from
+from pipeline.rigs.mre.rich.start import SECONDS, start_from, steps_to_start_from
 
 CUTOFF = 60.0  # Hz, of the sheet
-NAMES = STATES[PARAMETERS]
 _KEPT_EVERY = 0.02  # s, of the history
-_SIGMA_FROM = 256
 
 
-@dataclass
 class History:
-    """What the filter said over time, thinned: `time` (n,), `logs` and their sd (n, 7), `others` (n, 1 to 3); per step `innovation` over sigma."""
+    """What the filter said over time.
 
-    time: list[float] = field(default_factory=list)
-    logs: list[np.ndarray] = field(default_factory=list)
-    spread: list[np.ndarray] = field(default_factory=list)
-    others: list[np.ndarray] = field(default_factory=list)
-    step_time: list[float] = field(default_factory=list)
-    innovation: list[float] = field(default_factory=list)
-    modelled: list[float] = field(default_factory=list)
+    `innovation` (N) is there for every step with its `step_time`; states are kept every 20 ms, their `time` (n,).
+    """
+
+    def __init__(self) -> None:
+        self._steps: list[np.ndarray] = []
+        self._kept: list[np.ndarray] = []
+        self._last = -np.inf
+
+    def add(self, time: np.ndarray, track: Track) -> None:
+        """Add the steps that the filter has made, which end at the first of these times."""
+        time = time[: track.innovation.size]
+        self._steps.append(np.array([time, track.innovation]))
+        kept = []
+        for i, at in enumerate(time.tolist()):
+            if at - self._last > _KEPT_EVERY - 1e-9:
+                kept.append(i)
+                self._last = at
+        self._kept.append(np.column_stack([time, track.states, track.variances])[kept])
 
     @property
-    def values(self) -> dict[str, np.ndarray]:
-        """Parameters by name, shape (n,) each; s1 = k1 tau among them."""
-        return _with_s1(from_logs(np.array(self.logs).reshape(-1, 7)))
+    def step_time(self) -> np.ndarray:
+        """Time of every step, s."""
+        return np.concatenate([part[0] for part in self._steps]) if self._steps else np.zeros(0)
 
-    def band(self, width: float = 1.96) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Low and high limits by name, as the filter claims them."""
-        logs, spread = np.array(self.logs).reshape(-1, 7), np.array(self.spread).reshape(-1, 8)
-        out = {}
-        low, high = (from_logs(logs + side * width * spread[:, :7]) for side in (-1.0, 1.0))
-        for name in NAMES:
-            out[name] = (low[name], high[name])
-        s1 = np.exp(logs[:, 0] + logs[:, 1])
-        out["s1"] = (s1 * np.exp(-width * spread[:, 7]), s1 * np.exp(width * spread[:, 7]))
-        return out
+    @property
+    def innovation(self) -> np.ndarray:
+        """Measured less predicted force at every step, N, NaN where there was none."""
+        return np.concatenate([part[1] for part in self._steps]) if self._steps else np.zeros(0)
+
+    @property
+    def _table(self) -> np.ndarray:
+        return np.concatenate(self._kept) if self._kept else np.zeros((0, 2 + 2 * SHEET))
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time of the states that are kept, s, shape (n,)."""
+        return np.asarray(self._table[:, 0])
+
+    def band(self, width: float = 0.0) -> dict[str, np.ndarray]:
+        """Return the parameters by name, shape (n,), `width` of the filter's own standard deviations off its estimate.
+
+        s1 = k1 tau is among them, and what else the record needed: offset, force_lag, s_mr.
+        """
+        table = self._table
+        size = (table.shape[1] - 2) // 2
+        states, spread = table[:, 1 : 1 + size], np.sqrt(np.maximum(table[:, 1 + size :], 0.0))
+        values = from_logs(states[:, PARAMETERS] + width * spread[:, PARAMETERS])
+        values["s1"] = np.exp(states[:, 2] + states[:, 3] + width * spread[:, size])
+        return values | {STATES[i]: states[:, i] + width * spread[:, i] for i in range(SHEET, size)}
 
 
 class Online:
@@ -59,20 +82,18 @@ class Online:
         force_lag: float | None = None,
         cutoff: float = CUTOFF,
         start: Start | None = None,
-        r_start: float = R_START,
+        annealed: bool = True,
     ) -> None:
         """`force_lag` (s) is None where it is to be found; a `start` may be given, else the first seconds give it."""
         self.ahead = LookAhead(cutoff, force_lag or 0.0)
-        self.viscous, self.lag_known, self.given, self.r_start = viscous, force_lag is not None, start, r_start
-        self.history, self.filter = History(), None
+        self.viscous, self.lag_known, self.given, self.annealed = viscous, force_lag is not None, start, annealed
+        self.history = History()
+        self.filter: JointFilter | None = None
         self.failed: float | None = None
         self.refused = ""
         self.sigma = self.zero = float("nan")
         self._waiting: list[Steps] = []
         self._raw: list[np.ndarray] = []
-        self._kept = -np.inf
-
-    filter: JointFilter | None
 
     def feed(self, time: np.ndarray, x: np.ndarray, force: np.ndarray) -> None:
         """Take the next samples: s, m, N, shape (n,) each."""
@@ -86,26 +107,28 @@ class Online:
             return
         self._waiting.append(steps)
         so_far = Steps.joined(self._waiting)
-        if enough(so_far):
-            self._begin(so_far)
+        count = steps_to_start_from(so_far)
+        if count:
+            self._begin(so_far, count)
 
     def finish(self) -> None:
         """Say that the log is over: a short one is started from what there is."""
         if self.filter is None and not self.refused:
-            self._begin(Steps.joined(self._waiting))
+            steps = Steps.joined(self._waiting)
+            self._begin(steps, steps.time.size)
 
-    def _begin(self, steps: Steps) -> None:
-        start = self.given or start_from(steps, viscous=self.viscous, lag_known=self.lag_known)
+    def _begin(self, steps: Steps, count: int) -> None:
+        start = self.given or start_from(steps.first(count), viscous=self.viscous, lag_known=self.lag_known)
         if start is None:
             self.refused = "the force does not rise with the displacement, or hardly anything moves"
             return
-        raw = np.concatenate(self._raw)
+        raw = np.concatenate(self._raw)[: round(SECONDS * self.ahead.rate)]
         noise = float(np.median(np.abs(np.diff(raw, 3))) / 0.6745 / np.sqrt(20)) if raw.size > 4 else 0.0
         swing = float(np.ptp(raw)) if raw.size else 0.0
         noise *= float(np.sqrt((self.ahead.force_kernel**2).sum()))
         self.sigma = max(noise, 1e-4 * swing)
         self.zero = float(steps.path[0, 0])
-        self.filter = JointFilter(start, self.sigma, self.r_start)
+        self.filter = JointFilter(start, self.sigma, annealed=self.annealed)
         self._waiting, self._raw = [], []
         self._run(steps)
 
@@ -113,31 +136,12 @@ class Online:
         assert self.filter is not None
         path = steps.path - self.zero
         dt = self.ahead.every / self.ahead.rate / self.ahead.pieces
-        for i in range(steps.time.size):
-            if steps.fresh[i]:
+        edges = [0, *(i for i in np.flatnonzero(steps.fresh).tolist() if i > 0), steps.time.size]
+        for first, last in pairwise(edges):
+            if steps.fresh[first]:
                 self.filter.forget()
-            try:
-                innovation = self.filter.step(path[i], dt, float(steps.velocity[i]), float(steps.force[i]))
-            except np.linalg.LinAlgError:
-                self.failed = float(steps.time[i])
+            track = self.filter.advance(path[first:last], dt, steps.velocity[first:last], steps.force[first:last])
+            self.history.add(steps.time[first:last], track)
+            if track.innovation.size < last - first:
+                self.failed = float(steps.time[first + track.innovation.size])
                 return
-            self._keep(float(steps.time[i]), innovation)
-
-    def _keep(self, time: float, innovation: float) -> None:
-        assert self.filter is not None
-        history, ukf = self.history, self.filter.ukf
-        history.step_time.append(time)
-        history.innovation.append(innovation)
-        if time - self._kept < _KEPT_EVERY:
-            return
-        self._kept = time
-        covariance = ukf.P[PARAMETERS, PARAMETERS]
-        s1 = covariance[0, 0] + covariance[1, 1] + 2 * covariance[0, 1]
-        history.time.append(time)
-        history.logs.append(ukf.x[PARAMETERS].copy())
-        history.spread.append(np.sqrt(np.maximum(np.r_[np.diag(covariance), s1], 0.0)))
-        history.others.append(np.r_[ukf.x[9:], np.sqrt(np.maximum(np.diag(ukf.P)[9:], 0.0))])
-
-
-def _with_s1(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {**values, "s1": values["k1"] * values["tau"]}

@@ -14,19 +14,23 @@ from pipeline.rigs.mre.rich.joint_filter import Start
 from pipeline.rigs.mre.rich.joint_state import to_logs
 from pipeline.rigs.mre.rich.look_ahead import Steps
 
-_SECONDS, _RANGES = 3.0, 4.0
+SECONDS, _RANGES = 3.0, 4.0
 _C, _N = 1.0, 1.8
 _TAU, _RHO = (0.25, 0.5, 1.0), (1.0, 2.0, 4.0)
 _LEAST = 0.05  # of the stiffness, that each of the parts gets at least
 _LAG_SD = 5e-5  # s
+_VISCOUS = 0.25  # of the damping as a whole, that the field may add
 
 
-def enough(steps: Steps) -> bool:
-    """Tell whether the motion so far lasts and covers enough to start from."""
-    if steps.time.size < 2 or steps.time[-1] - steps.time[0] < _SECONDS:
-        return False
+def steps_to_start_from(steps: Steps) -> int:
+    """Return how many of the first steps last long and move enough to start from, 0 where they do not yet."""
     x = steps.path[:, -1]
-    return float(np.abs(np.diff(x)).sum()) > _RANGES * float(np.ptp(x)) > 0
+    if x.size < 2:
+        return 0
+    covered = np.cumsum(np.abs(np.diff(x, prepend=x[0])))
+    reach = np.maximum.accumulate(x) - np.minimum.accumulate(x)
+    ready = (steps.time - steps.time[0] >= SECONDS) & (covered > _RANGES * reach) & (reach > 0)
+    return int(np.argmax(ready)) + 1 if ready.any() else 0
 
 
 def start_from(steps: Steps, *, viscous: bool, lag_known: bool) -> Start | None:
@@ -40,7 +44,7 @@ def start_from(steps: Steps, *, viscous: bool, lag_known: bool) -> Start | None:
     if known.sum() < 50 or not excursion > 0 or not np.std(v) > 0:
         return None
     ones = np.ones(x.size)
-    stiffness = float(linear_fit(np.column_stack([x, v, ones])[known], force).c[0])
+    stiffness, damping = linear_fit(np.column_stack([x, v, ones])[known], force).c[:2].tolist()
     if not stiffness > 0:
         return None
     path, slowest = path_through(x), float(np.std(x) / np.std(v))
@@ -64,5 +68,5 @@ def start_from(steps: Steps, *, viscous: bool, lag_known: bool) -> Start | None:
         offset=float(offset),
         offset_sd=0.1 * swing,
         lag_sd=0.0 if lag_known else _LAG_SD,
-        viscous_sd=values["k1"] * slowest if viscous else None,
+        viscous_sd=_VISCOUS * abs(damping) if viscous else None,
     )

@@ -36,11 +36,11 @@ def say_faults(runs: SortedRuns, recordings: Sequence[Recording]) -> list[str]:
         *say_labels(runs, recordings),
         say_coarse(runs),
         *say_unsteady(runs),
-        _varying(recordings, runs),
+        say_varying(recordings, runs),
         _shape(runs),
         _slip(runs),
-        _preload_by_field(runs, recordings),
-        _remanence(runs, recordings),
+        say_preload_by_field(runs, recordings),
+        say_remanence(runs, recordings),
     ]
     return [doubt for doubt in doubts if doubt]
 
@@ -126,7 +126,7 @@ def _modulus(runs: SortedRuns) -> str:
     return doubt
 
 
-def _varying(recordings: Sequence[Recording], runs: SortedRuns) -> str:
+def say_varying(recordings: Sequence[Recording], runs: SortedRuns) -> str:
     """Doubt runs during which the coil was not held at one current or voltage."""
     found: dict[str, str] = {}
     used = {usable.run for usable in runs.usable}
@@ -215,7 +215,7 @@ def _mean(recording: Recording, channel: str) -> float:
     return float(values.mean()) if values.size else math.nan
 
 
-def _preload_by_field(runs: SortedRuns, recordings: Sequence[Recording]) -> str:
+def say_preload_by_field(runs: SortedRuns, recordings: Sequence[Recording]) -> str:
     """Say where the field changed the axial load that the label gives for 0 A."""
     worst, change, measured = None, 0.0, 0.0
     for recording in recordings:
@@ -236,7 +236,7 @@ def _preload_by_field(runs: SortedRuns, recordings: Sequence[Recording]) -> str:
     return f"The axial load differs from the set preload by up to {100 * change:+.0f} %; increments contain that."
 
 
-def _remanence(runs: SortedRuns, recordings: Sequence[Recording]) -> str:
+def say_remanence(runs: SortedRuns, recordings: Sequence[Recording]) -> str:
     left: dict[str, float] = {}
     for recording in recordings:
         if "flux_density" in recording and recording.conditions.get("coil_current") == 0:

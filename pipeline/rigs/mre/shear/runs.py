@@ -93,7 +93,7 @@ def _usable(recording: Recording, series: Series, runs: SortedRuns) -> UsableRun
         run=recording.run,
         series=series,
         excitation=classify(series.time, series.x),
-        current=_current(recording, runs),
+        current=current_of(recording, runs),
         preload=number_of(recording, "preload"),
         pads=pads_of(recording),
         sequence=number_of(recording, "sequence_index"),
@@ -122,21 +122,21 @@ def _sort_one(recording: Recording, series: Series, settings: ShearSettings, run
         runs.say(
             "warning", run, "one half cycle only (load and unload): loop stiffness and loss, no damping, no model."
         )
-        moving = _moving(usable)
+        moving = moving_part(usable)
         runs.half_cycles.append(replace(moving, series=moving.series.measured()))
     elif excitation.kind == "periodic" and excitation.steady is not None:
         add_loop(usable, settings, runs)
     else:
         if excitation.kind == "periodic":
             runs.say("warning", run, f"periodic, but no cycle is steady ({excitation.reason}): fitted in time.")
-        runs.records.append(_without_flat_tops(_moving(usable), runs))
+        runs.records.append(without_flat_tops(moving_part(usable), runs))
 
 
-def _moving(usable: UsableRun) -> UsableRun:
+def moving_part(usable: UsableRun) -> UsableRun:
     return replace(usable, series=usable.series.between(*usable.excitation.moving), loop=None)
 
 
-def _without_flat_tops(usable: UsableRun, runs: SortedRuns) -> UsableRun:
+def without_flat_tops(usable: UsableRun, runs: SortedRuns) -> UsableRun:
     """Leave out where a record without a period is clipped: rows where the displacement is, else the force alone."""
     series = usable.series
     tops = {"displacement": flat_tops(series.x), "force": flat_tops(series.F)}
@@ -151,7 +151,7 @@ def _without_flat_tops(usable: UsableRun, runs: SortedRuns) -> UsableRun:
     return replace(usable, series=series.without(force=tops["force"], rows=tops["displacement"]))
 
 
-def _current(recording: Recording, runs: SortedRuns) -> float | None:
+def current_of(recording: Recording, runs: SortedRuns) -> float | None:
     """Return the coil current (A): the measured one where there is a channel, else the label."""
     label = number_of(recording, "coil_current")
     if "current" not in recording:

@@ -1,0 +1,119 @@
+"""Both methods on one record: the batch fit in time, and the joint filter along the same samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.estimation.separable import linear_fit
+from pipeline.rigs.mre.model.harmonic_fit import FitOptions
+from pipeline.rigs.mre.model.linear_equivalent import LinearEquivalent
+from pipeline.rigs.mre.model.time_fit import TimeFit
+from pipeline.rigs.mre.rich.declaration import RichSettings
+from pipeline.rigs.mre.rich.online import Online
+from pipeline.rigs.mre.rich.online_verdict import CONVERGED, MOVING, OnlineVerdict, judge_online
+from pipeline.rigs.mre.shear.declaration import ShearSettings
+from pipeline.rigs.mre.shear.records import fit_all_records
+from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
+from pipeline.signals.filtering import low_pass
+
+# A mass is looked for where the residual goes with the acceleration by so many standard errors, and kept where it is
+# known that well.
+_MASS_SEEN, _MASS_SURE = 5.0, 5.0
+# Filter and batch fit disagree where a parameter is this far apart, and more than chance by the filter's own sd.
+APART = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class RichFit:
+    """What one record gave. `current` is the level (A) that its numbers stand for, None where none is known."""
+
+    run: str
+    usable: UsableRun
+    current: float | None
+    batch: TimeFit
+    linear: tuple[LinearEquivalent, ...]
+    online: Online | None
+    verdict: OnlineVerdict | None
+
+
+def fit_record(
+    usable: UsableRun, current: float | None, settings: RichSettings, known_mass: float | None, runs: SortedRuns
+) -> RichFit:
+    """Fit one record by both methods; what is noticed goes into `runs`."""
+    lag = settings.force_lag if settings.force_lag != "fit" else usable.told_lag
+    mass = settings.moving_mass if isinstance(settings.moving_mass, float) else known_mass
+    options = FitOptions(
+        fit_lag=lag is None,
+        force_lag=lag or 0.0,
+        fit_mass=settings.moving_mass == "fit",
+        moving_mass=mass or 0.0,
+    )
+    batch, linear = _batch(usable, settings, options, runs)
+    if settings.moving_mass == "auto" and mass is None and not linear and _goes_with_acceleration(batch, usable.run):
+        weighed, _ = _batch(usable, settings, replace(options, fit_mass=True), runs)
+        found = weighed.one("moving_mass")
+        if found.value is not None and found.std_error and found.value > _MASS_SURE * found.std_error:
+            batch = weighed
+    online, verdict = None, None
+    if settings.online:
+        online = follow(usable, lag, mass or 0.0, settings, viscous=bool(current))
+        verdict = _beside(batch, judge_online(online, batch.rms_residual), online)
+    return RichFit(usable.run, usable, current, batch, linear, online, verdict)
+
+
+def _batch(
+    usable: UsableRun, settings: RichSettings, options: FitOptions, runs: SortedRuns
+) -> tuple[TimeFit, tuple[LinearEquivalent, ...]]:
+    alone = SortedRuns(records=[usable])
+    as_shear = ShearSettings(mains_frequency=settings.mains_frequency, starts=settings.starts, cutoff=settings.cutoff)
+    found = fit_all_records(alone, as_shear, options)
+    runs.quality.extend(finding for finding in alone.quality if finding not in runs.quality)
+    return found.fits[0], tuple(found.linear)
+
+
+def _goes_with_acceleration(fit: TimeFit, run: str) -> bool:
+    """Tell whether the residual holds an inertia that stiffness and damping do not."""
+    series = fit.series[run]
+    time, x = series["time"], series["displacement"]
+    velocity = np.gradient(x, time)
+    acceleration = np.gradient(velocity, time)
+    others = np.column_stack([np.ones(x.size), x, velocity])
+    left = linear_fit(others, acceleration).residual
+    residual = series["force"] - series["model"]
+    error = np.sqrt(np.mean(residual**2) / (left @ left) / max(fit.effective_fraction, 1e-3))
+    return bool(abs(left @ residual) / (left @ left) > _MASS_SEEN * error)
+
+
+def follow(usable: UsableRun, lag: float | None, mass: float, settings: RichSettings, *, viscous: bool) -> Online:
+    """Run the joint filter over a record, as it would have run while the record came in."""
+    series = usable.series
+    force = np.where(series.counts, series.F, np.nan)
+    if mass:
+        smooth = low_pass(series.time, series.x, settings.online_cutoff)
+        force = force - mass * np.gradient(np.gradient(smooth, series.time), series.time)
+    online = Online(viscous=viscous, force_lag=lag, cutoff=settings.online_cutoff)
+    online.feed(series.time, series.x, force)
+    online.finish()
+    return online
+
+
+def _beside(batch: TimeFit, verdict: OnlineVerdict, online: Online) -> OnlineVerdict:
+    """Take the word "converged" back where the filter ended elsewhere than the batch fit."""
+    if verdict.word != CONVERGED:
+        return verdict
+    ends = {name: float(values[-1]) for name, values in online.history.band().items()}
+    known = {
+        e.name: e.value for e in batch.estimates if e.value and e.name in ends and e.name not in ("s_mr", "force_lag")
+    }
+    off = {name: ends[name] / value - 1 for name, value in known.items()}
+    worst = max(off, key=lambda name: abs(off[name]), default=None)
+    if worst is None or abs(off[worst]) <= APART:
+        return verdict
+    return replace(
+        verdict,
+        word=MOVING,
+        reason=f"it settled elsewhere than the batch fit: {worst} by {100 * off[worst]:+.2g} %, though its innovations are "
+        f"{verdict.innovation / verdict.noise:.2g} times the noise",
+    )

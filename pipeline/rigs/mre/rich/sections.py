@@ -1,0 +1,307 @@
+"""What the report of `mre.shear_rich` shows, drawn from parameters and arrays only (mre.md section 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import (
+    Axis,
+    Cell,
+    Column,
+    Figure,
+    Line,
+    Matrix,
+    Panel,
+    Points,
+    Role,
+    Rule,
+    Section,
+    Table,
+    Value,
+)
+from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
+from pipeline.rigs.mre.rich.sections_online import of_online
+from pipeline.rigs.mre.shear.sections_field import level_text
+
+DISPLACEMENT, FORCE, TIME = Axis("displacement", "m"), Axis("force", "N"), Axis("time", "s")
+_SHOWN = 6
+_LEFT: tuple[tuple[Role, str, str], ...] = (
+    ("residual", "batch", "residual, batch fit"),
+    ("model", "online filter", "innovations, online filter"),
+)
+_UNITS = {"k1": "N/m", "tau": "s", "alpha_bw": "N", "rho": "1/m", "c_bw": "1", "n_bw": "1"}
+
+
+def sections(findings: Findings) -> Sequence[Section]:
+    """Return the chapters that the findings have something for."""
+    titles = _titles(findings)
+    chapters = [
+        Section(
+            "records", "Records and the model", [*_reach(findings), *_loops(findings, titles), *_time(findings, titles)]
+        ),
+        Section("online", "Batch fit and online filter", of_online(findings, titles)),
+        Section(
+            "agreement",
+            "Does only the field's part change with the current?",
+            [*_field(findings), *_agreement(findings)],
+        ),
+        Section(
+            "fit",
+            "How well the model is known",
+            [*_correlation(findings, titles), *_spectra(findings, titles), *_checks(findings)],
+        ),
+        *micromechanics(findings),
+    ]
+    return [chapter for chapter in chapters if chapter.blocks]
+
+
+def _titles(findings: Findings) -> dict[str, str]:
+    titles = {}
+    for row in findings.arrays["records"].head(_SHOWN).to_dict("records"):
+        current = row["current"]
+        known = current is not None and np.isfinite(current)
+        titles[str(row["run"])] = f"{row['run']}, {level_text(current)}" if known else str(row["run"])
+    return titles
+
+
+def _of_run(table: pd.DataFrame, run: str) -> pd.DataFrame:
+    return table[table["run"] == run]
+
+
+def _reach(findings: Findings) -> list[Table]:
+    rows = []
+    for row in findings.arrays["records"].to_dict("records"):
+        rows.append(
+            [
+                str(row["run"]),
+                level_text(row["current"]) if row["current"] is not None else "",
+                row["duration"],
+                _pair(row, "amplitude", 1e3),
+                _pair(row, "frequency", 1.0),
+                float(f"{row['nrmse']:.3g}"),
+                float(f"{row['prediction_nrmse']:.3g}") if np.isfinite(row["prediction_nrmse"]) else None,
+            ]
+        )
+    return [
+        Table(
+            "records",
+            "What the records hold",
+            "Do amplitudes and frequencies reach far enough? Between which nine strokes in ten lie. Misfit of the force (rms) of the "
+            "fit to the whole record, and of the fit to its first half in the second.",
+            [
+                Column("run"),
+                Column("current"),
+                Column("duration", "s"),
+                Column("amplitudes in mm"),
+                Column("frequencies in Hz"),
+                Column("misfit", "%"),
+                Column("misfit when predicted", "%"),
+            ],
+            rows,
+        )
+    ]
+
+
+def _pair(row: dict[str, float], name: str, factor: float) -> str:
+    low, high = row.get(f"{name}_low", np.nan), row.get(f"{name}_high", np.nan)
+    return f"{factor * low:.2g} to {factor * high:.2g}" if np.isfinite(low) else ""
+
+
+def _loops(findings: Findings, titles: dict[str, str]) -> list[Figure]:
+    table = findings.arrays["loops"]
+    panels = []
+    for run, title in titles.items():
+        part = _of_run(table, run)
+        x, F, model = (part[name].to_numpy() for name in ("displacement", "force", "model"))
+        panels.append(
+            Panel(
+                [Points(x, F, "measured", "measured"), Points(x, model, "model", "model")], DISPLACEMENT, FORCE, title
+            )
+        )
+        panels.append(Panel([Points(x, F - model, "residual"), Rule(y=0.0)], DISPLACEMENT, FORCE, f"{title}: residual"))
+    return [
+        Figure(
+            "loops",
+            "Force over displacement",
+            "Does the model follow loops of every size? Thinned samples of the whole record, the model on top of them; beside "
+            "it what is left, to its own scale. A residual that opens with the displacement would be the model's fault.",
+            "force over displacement, measured and model, and the residual over displacement, one row a record",
+            panels,
+            columns=2,
+        )
+    ]
+
+
+def _time(findings: Findings, titles: dict[str, str]) -> list[Figure]:
+    table = findings.arrays["series"]
+    panels = []
+    for run, title in titles.items():
+        part = _of_run(table, run)
+        time, force, model = (part[name].to_numpy() for name in ("time", "force", "model"))
+        panels.append(
+            Panel(
+                [Line(time, force, "measured", "measured"), Line(time, model, "model", "model", dashed=True)],
+                TIME,
+                FORCE,
+                title,
+            )
+        )
+        panels.append(Panel([Line(time, force - model, "residual"), Rule(y=0.0)], TIME, FORCE, f"{title}: residual"))
+    return [
+        Figure(
+            "time",
+            "Force over time",
+            "Does the model follow in time? Two seconds of the second half; the parameters are those of the whole record.",
+            "force over time, measured and model, and residual over time",
+            panels,
+            columns=1,
+        )
+    ]
+
+
+def _field(findings: Findings) -> list[Table]:
+    """Show k2 at each current and what it gained since the least one."""
+    found = [p for p in findings.parameters if p.name == "k2" and p.value is not None and "coil_current" in p.at]
+    found.sort(key=lambda p: float(p.at["coil_current"]))
+    if len(found) < 2:
+        return []
+    base = found[0]
+    rows: list[list[Cell]] = []
+    for p in found:
+        value, sd = float(p.value or 0.0), float(p.std_error or 0.0)
+        sd_base = float(base.std_error or 0.0)
+        gained = Value(value - float(base.value or 0.0), float(np.hypot(sd, sd_base))) if p is not base else None
+        viscous = next((q for q in findings.find("s_mr", **p.at)), None)
+        rows.append(
+            [
+                level_text(float(p.at["coil_current"])),
+                Value(p.value, p.std_error, p.ci95),
+                gained,
+                Value(viscous.value, viscous.std_error, viscous.ci95) if viscous else None,
+            ]
+        )
+    return [
+        Table(
+            "field",
+            "What the field adds",
+            f"k2 of each record holds k_MR; its gain over the record at {level_text(float(base.at['coil_current']))} is k_MR's. s_MR is "
+            "fitted where there is a field.",
+            [Column("current"), Column("k2 with the field", "N/m"), Column("gain", "N/m"), Column("s_MR", "N s/m")],
+            rows,
+        )
+    ]
+
+
+def _agreement(findings: Findings) -> list[Table]:
+    table = findings.arrays.get("agreement")
+    if table is None:
+        return []
+    first = table.iloc[0]
+    agrees = float(first["p_value"]) >= 0.01
+    runs = list(dict.fromkeys(table["run"]))
+    rows = []
+    tables = []
+    for name in dict.fromkeys(table["name"]):
+        part = table[table["name"] == name].set_index("run")
+        cells = [
+            f"{100 * (part.loc[run, 'own'] / part.loc[run, 'common'] - 1):+.2g} % ({part.loc[run, 'deviation']:+.1f} sd)"
+            for run in runs
+        ]
+        rows.append(
+            [str(name), _told(part.iloc[0]["common"], part.iloc[0]["common_sd"], _UNITS.get(str(name), "1")), *cells]
+        )
+    tables.append(
+        Table(
+            "agreement",
+            "What is said not to depend on the current",
+            "The paper takes these for common to all currents. Each record was fitted on its own; common value by their covariances, and how "
+            f"far each record lies off it. chi2 of the differences {first['chi2']:.3g} for {int(first['dof'])} degrees of freedom, p "
+            f"{_probability(float(first['p_value']))}: "
+            + (
+                "the records agree, as the paper assumes."
+                if agrees
+                else "they differ beyond chance, so the assumption does not hold here."
+            ),
+            [Column("parameter"), Column("common value"), *(Column(str(run)) for run in runs)],
+            rows,
+        )
+    )
+    return tables
+
+
+def _told(value: float, sd: float, unit: str) -> str:
+    return f"{value:.5g} +- {sd:.2g}" + ("" if unit == "1" else f" {unit}")
+
+
+def _correlation(findings: Findings, titles: dict[str, str]) -> list[Figure]:
+    table = findings.arrays["correlation"]
+    panels = []
+    worst = 0.0
+    for run, title in titles.items():
+        part = _of_run(table, run)
+        names = [str(name) for name in part["name"]]
+        worst = max(worst, float(part["condition"].iloc[0]))
+        panels.append(Panel([Matrix(part[names].to_numpy(float), names, names)], title=title))
+    said = "above 500: only combinations are known" if worst > 500 else "below 500: the parameters can be told apart"
+    return [
+        Figure(
+            "correlation",
+            "Correlation of the parameters",
+            f"Which parameters trade for each other? Correlation of the batch estimates; condition number at most {worst:.3g}, {said}.",
+            "matrix of correlation coefficients, one panel a record",
+            panels,
+            columns=2,
+        )
+    ]
+
+
+def _spectra(findings: Findings, titles: dict[str, str]) -> list[Figure]:
+    table = findings.arrays.get("spectra")
+    if table is None:
+        return []
+    panels = []
+    for run, title in titles.items():
+        part = _of_run(table, run)
+        marks = []
+        for role, method, label in _LEFT:
+            curve = part[part["method"] == method]
+            if len(curve):
+                marks.append(Line(curve["frequency"].to_numpy(), curve["density"].to_numpy(), role, label))
+        if marks:
+            panels.append(Panel(marks, Axis("frequency", "Hz", "log"), Axis("power density", "N^2/Hz", "log"), title))
+    return [
+        Figure(
+            "spectra",
+            "Spectra of what is left",
+            "Is what is left only noise? White noise is flat. An excess where the motion is (3 times below the cut-off) is model, "
+            "or noise of the displacement times the stiffness; a line is mains hum, which the batch fit takes out.",
+            "power spectral density of batch residual and filter innovations over frequency",
+            panels,
+            columns=2,
+        )
+    ]
+
+
+def _checks(findings: Findings) -> list[Table]:
+    table = findings.arrays.get("residual_checks")
+    if table is None:
+        return []
+    rows = [[r["of"], r["name"], _probability(r["p_value"]), r["verdict"]] for r in table.to_dict("records")]
+    return [
+        Table(
+            "residual_checks",
+            "Tests of what is left",
+            "p below 0.01 says that something is left besides white noise, the last column how much. Intervals of the batch fit allow for "
+            "its colour; those of the filter do not.",
+            [Column("of"), Column("test"), Column("p"), Column("result")],
+            rows,
+        )
+    ]
+
+
+def _probability(p: float) -> str:
+    return "" if np.isnan(p) else "< 0.0001" if p < 1e-4 else f"{p:.2g}"

@@ -1,0 +1,72 @@
+"""The verdict on rich records, with its reasons and what to measure next.
+
+rejected  the model misses a fifth of the force of a record, or has an impossible sign.
+warning   something is not determined, at a bound, left out or doubted, or records contradict the assumption that only
+          k_MR and s_MR depend on the current (which leaves each record's own numbers untouched, so it is told only).
+ok        none of these. The online filter never changes the verdict: nothing is reported from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pipeline.errors import listing
+from pipeline.rigs.mre.judgement import Judgement
+from pipeline.rigs.mre.rich.agreement import Agreement
+from pipeline.rigs.mre.rich.excitation import advice_for
+from pipeline.rigs.mre.rich.fits import RichFit
+from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
+from pipeline.rigs.mre.shear.verdict import PREDICTION_REJECTED, PREDICTION_WARNED
+
+_TOLD = 4
+
+
+def judge(runs: SortedRuns, fits: Sequence[RichFit], doubts: Sequence[str], agreement: Agreement | None) -> Judgement:
+    """Weigh what was found."""
+    said = Judgement()
+    for fit in fits:
+        _record(said, fit)
+    left = list(runs.left_out.items())
+    for run, reason in left[:_TOLD]:
+        said.warn(f"Run {run} is left out: {reason}.")
+    if len(left) > _TOLD:
+        said.warn(f"{len(left) - _TOLD} more runs are left out: {listing((run for run, _ in left[_TOLD:]), 8)}.")
+    for doubt in doubts:
+        said.warn(doubt)
+    if agreement is not None and not agreement.agrees:
+        said.reasons.append(
+            f"{', '.join(agreement.names)} differ between the currents beyond chance (chi2 {agreement.chi2:.3g} for "
+            f"{agreement.dof}, p {agreement.p_value:.2g}): the field changes more than k_MR and s_MR. Each record's own numbers hold."
+        )
+    said.advice = list(dict.fromkeys(said.advice))
+    return said
+
+
+def _record(said: Judgement, fit: RichFit) -> None:
+    batch = fit.batch
+    share = batch.nrmse_second_half
+    sentence = (
+        f"Run {fit.run}: fitted to the first half of the record the model predicts the second half to within {100 * share:.3g} % "
+        f"of the force (rms); the first half itself is met to {100 * batch.nrmse_first_half:.3g} %."
+    )
+    if not share < PREDICTION_REJECTED and not batch.nrmse < PREDICTION_WARNED:
+        said.reject(f"{sentence} The model does not describe this device.")
+        return
+    if share > PREDICTION_WARNED or share > 2 * batch.nrmse_first_half:
+        said.warn(sentence)
+    else:
+        said.reasons.append(sentence)
+    if batch.inadmissible:
+        said.reject(
+            f"Run {fit.run}: impossible sign of {', '.join(batch.inadmissible)}; the model is no description of this record."
+        )
+        return
+    if fit.linear:
+        said.warn(
+            f"Run {fit.run}: a spring and a damper alone meet the record; the model's branches are not determined."
+        )
+    elif batch.undetermined:
+        said.warn(f"Run {fit.run}: not determined: {', '.join(batch.undetermined)}.")
+        said.advice += advice_for(fit)
+    for name in batch.at_bound:
+        said.warn(f"Run {fit.run}: {name} lies at the edge of what is admissible.")
