@@ -24,11 +24,11 @@ from pipeline.findings import Findings, Parameter
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.gearbox.cycle import locked_torques
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
-from pipeline.rigs.gearbox.friction import drag_locked
 from pipeline.rigs.gearbox.identify import identify
+from pipeline.rigs.gearbox.model.friction import drag_locked
 from pipeline.rigs.gearbox.synthetic import ACCELEROMETERS, KnownRun, known_runs, synthesize
 from pipeline.rigs.gearbox.truth import GearboxTruth, gearbox_truth
-from pipeline.rigs.gearbox.vibration import high_passed
+from pipeline.rigs.gearbox.vibration.levels import high_passed
 from pipeline.signals.filtering import low_pass
 
 CASES: dict[str, dict[str, Any]] = {

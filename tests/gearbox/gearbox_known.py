@@ -10,8 +10,8 @@ import numpy as np
 from pipeline.estimation.uncertainty import effective_size
 from pipeline.recording import Recording
 from pipeline.rigs.gearbox.aligned_run import AlignedRun, ZeroOffset
-from pipeline.rigs.gearbox.nominal import Level, level
 from pipeline.rigs.gearbox.synthetic import KnownRun, known_runs, synthesize
+from pipeline.rigs.gearbox.torques.nominal import Level, level
 from pipeline.rigs.gearbox.truth import gearbox_truth
 
 RAMP_END = 4.08

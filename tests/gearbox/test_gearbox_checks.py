@@ -3,12 +3,12 @@ import pytest
 from gearbox_known import known
 
 from pipeline.estimation.uncertainty import Covariance
-from pipeline.rigs.gearbox import checks
 from pipeline.rigs.gearbox.aligned_run import AlignedRun
-from pipeline.rigs.gearbox.inertia import LoadFit, load_parameters
-from pipeline.rigs.gearbox.load_windows import free_spans, modulated
-from pipeline.rigs.gearbox.nominal import Level
-from pipeline.rigs.gearbox.torque_map import Transfer
+from pipeline.rigs.gearbox.load import checks
+from pipeline.rigs.gearbox.load.inertia import LoadFit, load_parameters
+from pipeline.rigs.gearbox.load.load_windows import free_spans, modulated
+from pipeline.rigs.gearbox.torques.nominal import Level
+from pipeline.rigs.gearbox.torques.torque_map import Transfer
 
 
 def level(value, own=0.002, total=0.003):

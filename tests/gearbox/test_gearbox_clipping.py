@@ -5,10 +5,10 @@ import pytest
 
 from pipeline.findings import Findings
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.gearbox.clipping import NONE, clip_of
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
 from pipeline.rigs.gearbox.identify import identify
 from pipeline.rigs.gearbox.synthetic import synthesize
+from pipeline.rigs.gearbox.torques.clipping import NONE, clip_of
 
 
 def found(span: float, run: str = "g3", seed: int = 5) -> Findings:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from pipeline.rigs.gearbox.alignment import align
-from pipeline.rigs.gearbox.offsets import zero_offsets
+from pipeline.rigs.gearbox.clocks.alignment import align
 from pipeline.rigs.gearbox.record import Signal, record_of
 from pipeline.rigs.gearbox.run_numbers import numbers_of
-from pipeline.rigs.gearbox.segmentation import segment
+from pipeline.rigs.gearbox.stages.segmentation import segment
 from pipeline.rigs.gearbox.synthetic import synthesize
+from pipeline.rigs.gearbox.torques.offsets import zero_offsets
 from pipeline.rigs.gearbox.truth import RPM
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.rigs.gearbox.counts import counts_of, edges, line_slopes
 from pipeline.rigs.gearbox.record import COUNT, SPEED, Record, Signal
+from pipeline.rigs.gearbox.stages.counts import counts_of, edges, line_slopes
 
 TURN = 512.0
 T = np.arange(0.0, 12.0, 0.008)

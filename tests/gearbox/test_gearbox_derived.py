@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.rigs.gearbox.derived import Torque, difference, power, power_assumed, ratio, share
+from pipeline.rigs.gearbox.torques.derived import Torque, difference, power, power_assumed, ratio, share
 
 IN, OUT = 0.012, 0.009
 """Errors of the zero of either sensor, N m: large, so that a correlation forgotten shows."""

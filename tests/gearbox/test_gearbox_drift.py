@@ -8,7 +8,7 @@ from pipeline.rigs.experiment import Context
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
 from pipeline.rigs.gearbox.identify import identify
 from pipeline.rigs.gearbox.synthetic import synthesize
-from pipeline.rigs.gearbox.torque_drift import Drift, drift_of
+from pipeline.rigs.gearbox.torques.torque_drift import Drift, drift_of
 
 PLAIN = {"runs": ("g3",), "vibration": False}
 

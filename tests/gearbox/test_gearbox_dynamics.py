@@ -5,9 +5,9 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.rigs.gearbox import cycle
-from pipeline.rigs.gearbox.balances import dissipated_power, ground_drag, kinetic_energy
-from pipeline.rigs.gearbox.dynamics import HELD, LOCKED, SLIPPING, STILL, simulate
-from pipeline.rigs.gearbox.friction import drag_locked, drag_slipping, slip_torque
+from pipeline.rigs.gearbox.model.balances import dissipated_power, ground_drag, kinetic_energy
+from pipeline.rigs.gearbox.model.dynamics import HELD, LOCKED, SLIPPING, STILL, simulate
+from pipeline.rigs.gearbox.model.friction import drag_locked, drag_slipping, slip_torque
 from pipeline.rigs.gearbox.truth import RPM, GearboxTruth, gearbox_truth
 
 TRUTH = GearboxTruth()

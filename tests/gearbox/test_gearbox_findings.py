@@ -15,8 +15,8 @@ from pipeline.rigs.experiment import Context
 from pipeline.rigs.gearbox import EXPERIMENTS
 from pipeline.rigs.gearbox.cycle import locked_torques
 from pipeline.rigs.gearbox.declaration import PARAMETERS, LoadExchangeSettings
-from pipeline.rigs.gearbox.friction import drag_locked
 from pipeline.rigs.gearbox.identify import identify
+from pipeline.rigs.gearbox.model.friction import drag_locked
 from pipeline.rigs.gearbox.synthetic import known_runs, synthesize
 from pipeline.rigs.gearbox.truth import GearboxTruth, gearbox_truth
 

@@ -1,7 +1,13 @@
 import numpy as np
 import pytest
 
-from pipeline.rigs.gearbox.friction_fit import distinct, drag_curve, shared_covariance, slip_line, slip_torque_by_input
+from pipeline.rigs.gearbox.load.friction_fit import (
+    distinct,
+    drag_curve,
+    shared_covariance,
+    slip_line,
+    slip_torque_by_input,
+)
 
 RPM = 2 * np.pi / 60
 SPEEDS = np.array([60, 90, 120, 120, 150, 180, 210, 240]) * RPM

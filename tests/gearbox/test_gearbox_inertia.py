@@ -6,8 +6,8 @@ from gearbox_known import D0, D1, J_L, known
 
 from pipeline.estimation.uncertainty import Covariance
 from pipeline.rigs.gearbox.aligned_run import AlignedRun
-from pipeline.rigs.gearbox.inertia import _undetermined, load_parameters
-from pipeline.rigs.gearbox.load_windows import free_spans, modulated
+from pipeline.rigs.gearbox.load.inertia import _undetermined, load_parameters
+from pipeline.rigs.gearbox.load.load_windows import free_spans, modulated
 
 TRUE = np.array([J_L, D0, D1])
 NAMES = [f"g{i}" for i in range(1, 9)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.rigs.gearbox.kinematics import (
+from pipeline.rigs.gearbox.model.kinematics import (
     member_coefficients,
     member_speeds,
     mesh_orders,
@@ -15,7 +15,7 @@ from pipeline.rigs.gearbox.kinematics import (
     sos_orders,
     sun_speed,
 )
-from pipeline.rigs.gearbox.statics import (
+from pipeline.rigs.gearbox.model.statics import (
     carried_torque,
     carrier_force,
     dissipated_power,
@@ -24,7 +24,7 @@ from pipeline.rigs.gearbox.statics import (
     lossless_torques,
     planet_mesh_force,
 )
-from pipeline.rigs.gearbox.teeth import (
+from pipeline.rigs.gearbox.model.teeth import (
     TABLE_1,
     Teeth,
     Train,

@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.rigs.gearbox.alignment import align
-from pipeline.rigs.gearbox.counts import counts_of
+from pipeline.rigs.gearbox.clocks.alignment import align
 from pipeline.rigs.gearbox.record import COUNT, Signal, record_of
 from pipeline.rigs.gearbox.run_numbers import numbers_of
-from pipeline.rigs.gearbox.segmentation import segment
+from pipeline.rigs.gearbox.stages.counts import counts_of
+from pipeline.rigs.gearbox.stages.segmentation import segment
 from pipeline.rigs.gearbox.synthetic import synthesize
 from pipeline.rigs.gearbox.truth import RPM
 

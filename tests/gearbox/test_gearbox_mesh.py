@@ -3,9 +3,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.rigs.gearbox.mesh import input_speed, partial_slip, slip_ridge
 from pipeline.rigs.gearbox.synthetic import known_runs, synthesize
 from pipeline.rigs.gearbox.truth import gearbox_truth
+from pipeline.rigs.gearbox.vibration.mesh import input_speed, partial_slip, slip_ridge
 
 RPM = 2 * np.pi / 60
 NAMES = ("acc_in_radial", "acc_in_axial", "acc_out_radial", "acc_out_axial", "acc_load_radial")

@@ -3,7 +3,7 @@ import pytest
 from gearbox_known import known, wander
 
 from pipeline.rigs.gearbox.aligned_run import ZeroOffset
-from pipeline.rigs.gearbox.nominal import level, truncation, type_b
+from pipeline.rigs.gearbox.torques.nominal import level, truncation, type_b
 
 STEP = 0.01
 

@@ -3,7 +3,7 @@ import pytest
 from gearbox_known import known, wander
 
 from pipeline.rigs.gearbox.aligned_run import within
-from pipeline.rigs.gearbox.peaks import CUTOFF, ORDER, peak, steady_noise, unlock_peak
+from pipeline.rigs.gearbox.torques.peaks import CUTOFF, ORDER, peak, steady_noise, unlock_peak
 from pipeline.signals.filtering import low_pass
 
 STEP = 5e-4

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from pipeline.rigs.gearbox.mesh import input_speed
-from pipeline.rigs.gearbox.phase_track import follow
+from pipeline.rigs.gearbox.vibration.mesh import input_speed
+from pipeline.rigs.gearbox.vibration.phase_track import follow
 
 RATE, ORDERS = 2000.0, (40.0, 80.0, 140.0, 280.0)
 AMPLITUDES = (1.0, 0.4, 0.7, 0.3)

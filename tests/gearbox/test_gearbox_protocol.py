@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.rigs.gearbox.alignment import align
+from pipeline.rigs.gearbox.clocks.alignment import align
 from pipeline.rigs.gearbox.record import COUNT, Signal, record_of
 from pipeline.rigs.gearbox.run_numbers import numbers_of
-from pipeline.rigs.gearbox.segmentation import segment
+from pipeline.rigs.gearbox.stages.segmentation import segment
 from pipeline.rigs.gearbox.synthetic import synthesize
 from pipeline.rigs.gearbox.truth import RPM
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.rigs.gearbox.paper import paper_alone, paper_line
-from pipeline.rigs.gearbox.paper_kinematics import kinematics_alone
+from pipeline.rigs.gearbox.outcome.paper import paper_alone, paper_line
+from pipeline.rigs.gearbox.outcome.paper_kinematics import kinematics_alone
 
 ROWS = {row.name: row for row in (*paper_alone(), *kinematics_alone())}
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.rigs.gearbox.alignment import align
-from pipeline.rigs.gearbox.breaks import find_break, parabola, ramp
+from pipeline.rigs.gearbox.clocks.alignment import align
 from pipeline.rigs.gearbox.record import COUNT, Signal, record_of
-from pipeline.rigs.gearbox.segmentation import segment
+from pipeline.rigs.gearbox.stages.breaks import find_break, parabola, ramp
+from pipeline.rigs.gearbox.stages.segmentation import segment
 from pipeline.rigs.gearbox.synthetic import known_runs, synthesize
 from pipeline.rigs.gearbox.truth import RPM, gearbox_truth
 

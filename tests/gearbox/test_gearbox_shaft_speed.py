@@ -13,8 +13,8 @@ from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
 from pipeline.rigs.gearbox.identify import identify
 from pipeline.rigs.gearbox.record import record_of
 from pipeline.rigs.gearbox.run_numbers import numbers_of
-from pipeline.rigs.gearbox.shaft_speed import by_mesh, by_ripple, mistake, true_speed
 from pipeline.rigs.gearbox.synthetic import synthesize
+from pipeline.rigs.gearbox.vibration.shaft_speed import by_mesh, by_ripple, mistake, true_speed
 
 RUNS = ("g1", "g3", "g8")
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.rigs.gearbox.alignment import RATE_SD
+from pipeline.rigs.gearbox.clocks.alignment import RATE_SD
 from pipeline.rigs.gearbox.record import Signal, record_of
 from pipeline.rigs.gearbox.run_numbers import numbers_of
-from pipeline.rigs.gearbox.sos_speed import input_speed_of
 from pipeline.rigs.gearbox.synthetic import known_runs, synthesize
 from pipeline.rigs.gearbox.truth import gearbox_truth
+from pipeline.rigs.gearbox.vibration.sos_speed import input_speed_of
 
 # A box without load-proportional drag, x4 decoding, one accelerometer.
 SINGLE = {"a": 1.0, "brake_capacity": 2.4, "c0": 0.2, "c_s": 0.1}

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from gearbox_known import A, known
 
-from pipeline.rigs.gearbox.torque_map import (
+from pipeline.rigs.gearbox.torques.torque_map import (
     Transfer,
     brake_transfer,
     pooled,

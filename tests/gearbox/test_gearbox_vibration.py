@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pipeline.rigs.gearbox.vibration import (
+from pipeline.rigs.gearbox.vibration.levels import (
     aliased_lines,
     high_passed,
     order_levels,
@@ -9,7 +9,7 @@ from pipeline.rigs.gearbox.vibration import (
     stage_vibration,
     transient,
 )
-from pipeline.rigs.gearbox.vibration_numbers import StageLevel
+from pipeline.rigs.gearbox.vibration.vibration_numbers import StageLevel
 
 RATE = 2500.0
 T = np.arange(0, 10, 1 / RATE)

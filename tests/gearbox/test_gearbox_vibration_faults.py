@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from pipeline.recording import Channel, Recording, Stream
-from pipeline.rigs.gearbox.mesh import input_speed
 from pipeline.rigs.gearbox.record import record_of
 from pipeline.rigs.gearbox.run_faults import run_faults
 from pipeline.rigs.gearbox.run_numbers import numbers_of
 from pipeline.rigs.gearbox.synthetic import known_runs, synthesize
 from pipeline.rigs.gearbox.truth import gearbox_truth
-from pipeline.rigs.gearbox.vibration_numbers import vibration_of
+from pipeline.rigs.gearbox.vibration.mesh import input_speed
+from pipeline.rigs.gearbox.vibration.vibration_numbers import vibration_of
 
 
 @cache

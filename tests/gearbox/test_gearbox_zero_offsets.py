@@ -7,10 +7,10 @@ import pytest
 from gearbox_known import wander
 
 from pipeline.estimation.uncertainty import t_quantile
-from pipeline.rigs.gearbox.offsets import Level, Offset, zero_offsets
 from pipeline.rigs.gearbox.record import Signal, record_of
-from pipeline.rigs.gearbox.segmentation import segment
+from pipeline.rigs.gearbox.stages.segmentation import segment
 from pipeline.rigs.gearbox.synthetic import synthesize
+from pipeline.rigs.gearbox.torques.offsets import Level, Offset, zero_offsets
 
 
 def held(value, sd, dof, true):

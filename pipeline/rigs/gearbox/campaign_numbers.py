@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate
-from pipeline.rigs.gearbox.checks import load_law, same_inertia
-from pipeline.rigs.gearbox.derived import NO_OFFSET, Slope, drag_locked, lock_torque, slip_torque
-from pipeline.rigs.gearbox.friction_fit import Curve, drag_curve, shared_covariance, slip_line
-from pipeline.rigs.gearbox.inertia import LoadFit, load_parameters
-from pipeline.rigs.gearbox.load_windows import Windows
+from pipeline.rigs.gearbox.load.checks import load_law, same_inertia
+from pipeline.rigs.gearbox.load.friction_fit import Curve, drag_curve, shared_covariance, slip_line
+from pipeline.rigs.gearbox.load.inertia import LoadFit, load_parameters
+from pipeline.rigs.gearbox.load.load_windows import Windows
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
-from pipeline.rigs.gearbox.torque_map import Transfer, pooled
+from pipeline.rigs.gearbox.torques.derived import NO_OFFSET, Slope, drag_locked, lock_torque, slip_torque
+from pipeline.rigs.gearbox.torques.torque_map import Transfer, pooled
 
 # Inertias that differ by more than that share of their median are not one.
 _UNLIKE = 0.1

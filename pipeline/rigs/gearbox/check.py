@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
-from pipeline.rigs.gearbox.counts import counts_of
 from pipeline.rigs.gearbox.faults import errors_of, input_faults
 from pipeline.rigs.gearbox.record import COUNT, SPEED, record_of
 from pipeline.rigs.gearbox.run_faults import speed_faults
 from pipeline.rigs.gearbox.run_numbers import numbers_of
+from pipeline.rigs.gearbox.stages.counts import counts_of
 
 
 def check(recording: Recording) -> Sequence[QualityFinding]:

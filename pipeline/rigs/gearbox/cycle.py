@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.rigs.gearbox.dynamics import HELD, LOCKED, SLIPPING, STILL, Motion, Plant, simulate
-from pipeline.rigs.gearbox.friction import drag_load, drag_locked
+from pipeline.rigs.gearbox.model.dynamics import HELD, LOCKED, SLIPPING, STILL, Motion, Plant, simulate
+from pipeline.rigs.gearbox.model.friction import drag_load, drag_locked
 from pipeline.rigs.gearbox.truth import RPM, GearboxTruth
 
 STEP = 1e-4

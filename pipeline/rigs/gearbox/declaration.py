@@ -181,8 +181,8 @@ LOAD_EXCHANGE = Experiment(
     settings=LoadExchangeSettings,
     identify=Later("pipeline.rigs.gearbox.identify:identify"),
     synthesize=Later("pipeline.rigs.gearbox.synthetic:synthesize"),
-    sections=Later("pipeline.rigs.gearbox.sections:sections"),
-    methods=Later("pipeline.rigs.gearbox.methods:methods"),
+    sections=Later("pipeline.rigs.gearbox.outcome.sections:sections"),
+    methods=Later("pipeline.rigs.gearbox.outcome.methods:methods"),
     check=Later("pipeline.rigs.gearbox.check:check"),
     operating=OPERATING,
 )

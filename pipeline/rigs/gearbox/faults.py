@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.recording import QualityFinding
-from pipeline.rigs.gearbox.counts import Counts, counts_of
 from pipeline.rigs.gearbox.record import COUNT, SPEED, TORQUES, Record
+from pipeline.rigs.gearbox.stages.counts import Counts, counts_of
 from pipeline.signals.periodogram import block_means
 
 # Of the greatest torque of a run: less than that is no sign, and no excess of output over input.

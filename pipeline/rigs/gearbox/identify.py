@@ -11,18 +11,18 @@ from pipeline.errors import InputError, counted, listing
 from pipeline.findings import Findings, Quality, Run
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.gearbox.arrays import arrays_of
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers, campaign_of
-from pipeline.rigs.gearbox.checks import Misfit, load_law, run_order, same_inertia
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
 from pipeline.rigs.gearbox.faults import errors_of, input_faults
-from pipeline.rigs.gearbox.parameters import models_of, parameters_of
-from pipeline.rigs.gearbox.published import published
+from pipeline.rigs.gearbox.load.checks import Misfit, load_law, run_order, same_inertia
+from pipeline.rigs.gearbox.outcome.arrays import arrays_of
+from pipeline.rigs.gearbox.outcome.parameters import models_of, parameters_of
+from pipeline.rigs.gearbox.outcome.published import published
+from pipeline.rigs.gearbox.outcome.verdict import judge
 from pipeline.rigs.gearbox.record import record_of
 from pipeline.rigs.gearbox.run_faults import run_faults, speed_faults
 from pipeline.rigs.gearbox.run_numbers import RunNumbers, numbers_of
-from pipeline.rigs.gearbox.verdict import judge
-from pipeline.rigs.gearbox.vibration_numbers import VibrationNumbers, vibration_of
+from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers, vibration_of
 
 
 @dataclass

@@ -11,15 +11,15 @@ from collections.abc import Iterable
 from pipeline.recording import Level as Level_
 from pipeline.recording import QualityFinding
 from pipeline.rigs.gearbox.aligned_run import within
-from pipeline.rigs.gearbox.checks import Misfit, dissipated_power, inertia_parts, ripple_share, slopes
+from pipeline.rigs.gearbox.load.checks import Misfit, dissipated_power, inertia_parts, ripple_share, slopes
+from pipeline.rigs.gearbox.model.teeth import assembly_faults, interference_warnings
 from pipeline.rigs.gearbox.record import COUNT, SPEED, TORQUES
-from pipeline.rigs.gearbox.ripple import learn
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
-from pipeline.rigs.gearbox.shaft_speed import mistake, true_speed
-from pipeline.rigs.gearbox.sos_speed import teeth_in
-from pipeline.rigs.gearbox.stages import Problem
-from pipeline.rigs.gearbox.teeth import assembly_faults, interference_warnings
-from pipeline.rigs.gearbox.vibration_numbers import VibrationNumbers
+from pipeline.rigs.gearbox.stages.stage import Problem
+from pipeline.rigs.gearbox.torques.ripple import learn
+from pipeline.rigs.gearbox.vibration.shaft_speed import mistake, true_speed
+from pipeline.rigs.gearbox.vibration.sos_speed import teeth_in
+from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers
 
 # Output torque in FOS that grows by more than that share: the brake may still rub. Less is warming up or drift, a
 # warning from the second share on.

@@ -12,22 +12,22 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pipeline.rigs.gearbox.aligned_run import AlignedRun, ZeroOffset
-from pipeline.rigs.gearbox.alignment import Alignment, align
-from pipeline.rigs.gearbox.checks import inertia_parts
-from pipeline.rigs.gearbox.clipping import clip_of
-from pipeline.rigs.gearbox.counts import Counts, counts_of
-from pipeline.rigs.gearbox.derived import Torque
-from pipeline.rigs.gearbox.inertia import LoadFit, load_parameters
-from pipeline.rigs.gearbox.load_windows import WINDOW, Windows, free_spans, modulated
-from pipeline.rigs.gearbox.nominal import Level
-from pipeline.rigs.gearbox.offsets import Offsets, zero_offsets
-from pipeline.rigs.gearbox.peaks import Peak
+from pipeline.rigs.gearbox.clocks.alignment import Alignment, align
+from pipeline.rigs.gearbox.load.checks import inertia_parts
+from pipeline.rigs.gearbox.load.inertia import LoadFit, load_parameters
+from pipeline.rigs.gearbox.load.load_windows import WINDOW, Windows, free_spans, modulated
 from pipeline.rigs.gearbox.record import TORQUES, Record
-from pipeline.rigs.gearbox.run_torques import Torques, torques_of
-from pipeline.rigs.gearbox.segmentation import segment
-from pipeline.rigs.gearbox.sos_speed import InputSpeed, input_speed_of
-from pipeline.rigs.gearbox.stages import Segmentation
-from pipeline.rigs.gearbox.torque_map import Transfer
+from pipeline.rigs.gearbox.stages.counts import Counts, counts_of
+from pipeline.rigs.gearbox.stages.segmentation import segment
+from pipeline.rigs.gearbox.stages.stage import Segmentation
+from pipeline.rigs.gearbox.torques.clipping import clip_of
+from pipeline.rigs.gearbox.torques.derived import Torque
+from pipeline.rigs.gearbox.torques.nominal import Level
+from pipeline.rigs.gearbox.torques.offsets import Offsets, zero_offsets
+from pipeline.rigs.gearbox.torques.peaks import Peak
+from pipeline.rigs.gearbox.torques.run_torques import Torques, torques_of
+from pipeline.rigs.gearbox.torques.torque_map import Transfer
+from pipeline.rigs.gearbox.vibration.sos_speed import InputSpeed, input_speed_of
 
 
 @dataclass(frozen=True, eq=False)

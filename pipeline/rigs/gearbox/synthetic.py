@@ -10,9 +10,9 @@ import numpy as np
 
 from pipeline.recording import Channel, Condition, Recording, Stream
 from pipeline.rigs.gearbox import cycle
-from pipeline.rigs.gearbox.dynamics import Motion
-from pipeline.rigs.gearbox.kinematics import mesh_orders
-from pipeline.rigs.gearbox.teeth import teeth_of
+from pipeline.rigs.gearbox.model.dynamics import Motion
+from pipeline.rigs.gearbox.model.kinematics import mesh_orders
+from pipeline.rigs.gearbox.model.teeth import teeth_of
 from pipeline.rigs.gearbox.truth import RPM, GearboxTruth, gearbox_truth, speeds_of
 
 _G0 = 9.81

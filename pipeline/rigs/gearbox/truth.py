@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from pipeline.errors import InputError, listing, nearest
-from pipeline.rigs.gearbox.teeth import teeth_of
+from pipeline.rigs.gearbox.model.teeth import teeth_of
 
 RPM = 2.0 * math.pi / 60.0
 RUNS = {"g1": 60.0, "g2": 90.0, "g3": 120.0, "g4": 120.0, "g5": 150.0, "g6": 180.0, "g7": 210.0, "g8": 240.0}

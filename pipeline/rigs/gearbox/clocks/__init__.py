@@ -1,0 +1,1 @@
+"""How far the boards' clocks lie apart, found from what both see."""

@@ -1,0 +1,193 @@
+"""The verdict on a campaign of load exchange, its reasons in plain words, what to measure next (gearbox.md, 7).
+
+rejected  no run gives a number: every one is left out.
+warning   runs left out, steps of the protocol or core numbers missing, offsets unknown, a torque map whose slope is not 1, or any
+          other warning.
+ok        none of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from pipeline.errors import counted, listing
+from pipeline.findings import Parameter, Verdict
+from pipeline.recording import QualityFinding
+from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
+from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
+from pipeline.rigs.gearbox.outcome.core_numbers import missing
+from pipeline.rigs.gearbox.run_numbers import RunNumbers
+from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers
+
+_TOLD = 4
+# Slope of the torque map that a bench can have (section 5.6).
+_SLOPES = (0.2, 1.05)
+# Inertias that differ by less are one; shaft, coupling and brake disc add up to the second share to a flywheel.
+_ALIKE, _MORE = 0.05, 0.25
+
+
+@dataclass
+class Judgement:
+    """Verdict, reasons, advice."""
+
+    verdict: Verdict = "ok"
+    reasons: list[str] = field(default_factory=list)
+    advice: list[str] = field(default_factory=list)
+
+    def warn(self, reason: str) -> None:
+        """Warn, for that reason."""
+        self.verdict = "warning"
+        self.reasons.append(reason)
+
+
+def judge(
+    campaign: CampaignNumbers,
+    parameters: Sequence[Parameter],
+    vibration: Mapping[str, VibrationNumbers],
+    left_out: Mapping[str, str],
+    quality: Sequence[QualityFinding],
+    settings: LoadExchangeSettings,
+) -> Judgement:
+    """Weigh what was found."""
+    said = Judgement()
+    _sequence(said, campaign)
+    _locked(said, campaign, vibration)
+    _sensors(said, campaign, settings)
+    _input_speed(said, campaign)
+    _inertia(said, campaign)
+    for sentence in missing(parameters):
+        said.warn(sentence)
+    for run, reason in list(left_out.items())[:_TOLD]:
+        said.warn(f"Run {run} is left out: {_ended(reason)}")
+    if len(left_out) > _TOLD:
+        said.warn(f"{counted(len(left_out) - _TOLD, 'more run')} are left out, see the quality findings.")
+    grave = [q for q in quality if q.level != "note" and q.run not in left_out]
+    for finding in grave[:_TOLD]:
+        said.warn(_ended(f"Run {finding.run}: {finding.message}" if finding.run else finding.message))
+    if len(grave) > _TOLD:
+        said.warn(f"{counted(len(grave) - _TOLD, 'more warning')} stand among the quality findings.")
+    return said
+
+
+def _names(runs: Sequence[RunNumbers]) -> str:
+    return listing([run.name for run in runs], 8)
+
+
+def _sequence(said: Judgement, campaign: CampaignNumbers) -> None:
+    odd = [run for run in campaign.runs if not run.segmentation.complete]
+    if not odd:
+        n = len(campaign.runs)
+        said.reasons.append(f"The sequence of stages is complete in {'the run' if n == 1 else f'all {n} runs'}.")
+        return
+    said.warn(
+        f"The sequence of stages is not complete in {counted(len(odd), 'run')} ({_names(odd)}), see the quality findings."
+    )
+    said.advice.append(
+        "Keep to the protocol: 5 s at rest, start-up, FOS 5 s, brake on until the output stands, SOS 5 s, brake off, FOS 5 s, "
+        "run-down, 5 s at rest."
+    )
+
+
+def _locked(said: Judgement, campaign: CampaignNumbers, vibration: Mapping[str, VibrationNumbers]) -> None:
+    looked = [run for run in campaign.runs if run.record.vibration is not None and "fos" in run.run.stages]
+    slipping = [run for run in looked if vibration[run.name].partial is not None]
+    if looked and not slipping:
+        said.reasons.append("FOS is locked: no mesh line stands in its vibration.")
+    elif slipping:
+        said.warn(f"FOS is not fully locked in {_names(slipping)}: mesh lines stand in its vibration.")
+    else:
+        lacks = "FOS" if any(run.record.vibration is not None for run in campaign.runs) else "vibration log"
+        said.reasons.append(f"Whether FOS is really locked cannot be checked: there is no {lacks}.")
+
+
+def _sensors(said: Judgement, campaign: CampaignNumbers, settings: LoadExchangeSettings) -> None:
+    transfer = campaign.transfer
+    if transfer is None:
+        said.warn("The sensors' consistency cannot be checked: no brake rise gives the slope of the torque map.")
+        return
+    off = abs(transfer.slope - 1.0)
+    low, high = (transfer.slope - limit for limit in _SLOPES)
+    if low < -2.0 * transfer.slope_error or high > 2.0 * transfer.slope_error:
+        said.warn(
+            f"The torque map has slope {transfer.slope:.3g}, which no gearbox locked as one body has ({_SLOPES[0]:g} to {_SLOPES[1]:g}): gain or "
+            "unit of a torque sensor is wrong, and so is what follows from both torques."
+        )
+        return
+    told = f"The torque map has slope {transfer.slope:.3f} ± {1.96 * transfer.slope_error:.2g}"
+    if off <= settings.slope_tolerance or off <= 2.0 * transfer.slope_error:
+        said.reasons.append(f"{told}: as a rigid box has.")
+        return
+    said.warn(
+        f"{told} and not 1: drag to ground grows by {1.0 - transfer.slope:.2f} N m per N m transmitted, or a torque sensor has the wrong "
+        "gain. Efficiency, T_0, lock and slip torque depend on which; gear friction cannot be it, since locked gears do not slide."
+    )
+    said.advice.append(
+        "Cross-calibrate the torque sensors: couple both shaft to shaft without the gearbox and run a brake cycle (the slope must be 1), and "
+        "hang known weights on a lever. One bench run alone cannot tell drag from gain."
+    )
+
+
+def _input_speed(said: Judgement, campaign: CampaignNumbers) -> None:
+    with_sos = [run for run in campaign.runs if "sos" in run.run.stages]
+    if not with_sos:
+        return
+    by: dict[str, list[RunNumbers]] = {}
+    for run in with_sos:
+        by.setdefault(run.speed_in.source if run.speed_in else "nominal", []).append(run)
+    words = {"measured": "measured", "mesh lines": "estimated from the mesh lines", "nominal": "assumed nominal"}
+    told = "; ".join(f"{words[source]} in {_names(runs)}" for source, runs in by.items())
+    if "nominal" not in by:
+        said.reasons.append(f"The input speed in SOS is {told}.")
+    else:
+        said.warn(
+            f"The input speed in SOS is {told}: the power dissipated is an upper limit there, since a drive may droop by tens of percent."
+        )
+        said.advice.append(
+            "Log the input speed, or vibration at 2.5 kHz or more: the power in SOS rests on an assumed input speed."
+        )
+
+
+def _inertia(said: Judgement, campaign: CampaignNumbers) -> None:
+    load = campaign.load
+    if load is None or "inertia_load" in load.undetermined:
+        why = (
+            "the output hardly accelerates with a free brake in these logs"
+            if load is None
+            else load.undetermined["inertia_load"]
+        )
+        said.warn(f"The load's inertia cannot be told: {_ended(why)}")
+        return
+    value, error = float(load.values[0]), float(load.covariance.std_error[0])
+    known = [
+        float(inertia)
+        for run in campaign.runs
+        if isinstance(inertia := run.record.conditions.get("flywheel_inertia"), int | float)
+    ]
+    told = f"The load's inertia is {1e3 * value:.4g} ± {1.96e3 * error:.2g} g m2; it trades off with the gain of torque_out"
+    if not known:
+        said.reasons.append(f"{told}, which a known added inertia would break.")
+        said.advice.append(
+            "Repeat one run with a known added inertia: it separates the load's inertia from the gain of torque_out."
+        )
+        return
+    low, high = min(known), max(known)
+    if high > (1.0 + _ALIKE) * low:
+        said.reasons.append(f"{told}; the runs state different flywheels, {1e3 * low:.4g} to {1e3 * high:.4g} g m2.")
+        return
+    ratio, spread = value / known[0], 3.0 * error / known[0]
+    words = f"{told}: {ratio:.3f} times the flywheel's stated {1e3 * known[0]:.4g} g m2"
+    if ratio < 1.0 - _ALIKE - spread:
+        said.warn(
+            f"{words}. What turns behind the sensor is more than the flywheel and not less: the gain of torque_out is "
+            f"{ratio:.3g} of what it should be or less, or the stated inertia is wrong."
+        )
+    elif ratio > 1.0 + _MORE + spread:
+        said.warn(f"{words}: shaft and coupling add little, so the gain of torque_out or the stated inertia is wrong.")
+    else:
+        said.reasons.append(f"{words}.")
+
+
+def _ended(sentence: str) -> str:
+    sentence = sentence.rstrip()
+    return sentence if sentence.endswith((".", "?", "!")) else f"{sentence}."

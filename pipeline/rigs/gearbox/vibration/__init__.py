@@ -1,0 +1,1 @@
+"""Mesh lines and the input speed they tell, levels by stage (5.5, 5.7)."""
