@@ -56,6 +56,8 @@ class TimeFit:
     gain_change
         Per run, by which share the force changes from the start to the end beyond what the model tells,
         and its standard error.
+    inertia
+        Mass (kg) that one further step of the fit would find in the residual, and its standard error.
     series
         Per run `time`, `displacement`, `force`, `model`: the filtered, thinned series compared (SI).
     """
@@ -85,6 +87,7 @@ class TimeFit:
     starts_agreeing: tuple[int, int]
     drift: Mapping[str, float]
     gain_change: Mapping[str, tuple[float, float]]
+    inertia: tuple[float, float]
     series: Mapping[str, Mapping[str, np.ndarray]]
 
     def one(self, name: str, coil_current: float | None = None) -> Estimate:
@@ -145,7 +148,9 @@ def _fit(model: TimeModel, q0: np.ndarray, tolerance: float, evaluations: int) -
 
 def _memory(model: TimeModel) -> int:
     """Return over how many rows the noise of the low-passed displacement hangs together."""
-    return max(math.ceil(_NOISE_PERIODS / (part.cutoff * float(np.median(np.diff(part.time))))) for part in model.segments)
+    return max(
+        math.ceil(_NOISE_PERIODS / (part.cutoff * float(np.median(np.diff(part.time))))) for part in model.segments
+    )
 
 
 def _bounds_reached(model: TimeModel, fit: SeparableFit) -> dict[str, float]:
@@ -221,6 +226,7 @@ def _finished(
         starts_agreeing=agreeing,
         drift=_drift(model, fit, run_of_row),
         gain_change={run: _gain_change(model, fit, run_of_row == run, fraction) for run in runs},
+        inertia=_inertia(model, fit, fraction),
         series={run: _series(model, fit, run, run_of_row) for run in runs},
     )
 
@@ -272,6 +278,17 @@ def _gain_change(model: TimeModel, fit: SeparableFit, here: np.ndarray, fraction
     power = float(grows @ grows)
     rest = fit.residual[here]
     return float(grows @ fit.residual) / power, math.sqrt(float(rest @ rest) / rest.size / power / fraction)
+
+
+def _inertia(model: TimeModel, fit: SeparableFit, fraction: float) -> tuple[float, float]:
+    """Return the mass that the residual holds beyond all that was fitted, and its error."""
+    column = np.concatenate([part.acceleration for part in model.segments])[model.usable]
+    basis = np.linalg.qr(fit.jacobian)[0]
+    column = column - basis @ (basis.T @ column)
+    power = float(column @ column)
+    if not power > 0:
+        return 0.0, math.inf
+    return float(column @ fit.residual) / power, math.sqrt(fit.chi2 / fit.residual.size / power / fraction)
 
 
 def _series(model: TimeModel, fit: SeparableFit, run: str, run_of_row: np.ndarray) -> dict[str, np.ndarray]:

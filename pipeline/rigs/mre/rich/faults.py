@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.errors import listing
 from pipeline.recording import Recording
+from pipeline.rigs.mre.rich.excitation import reach_of
 from pipeline.rigs.mre.rich.fits import RichFit
 from pipeline.rigs.mre.rich.online_verdict import CONVERGED
 from pipeline.rigs.mre.shear.check import MODULUS_RANGE
@@ -33,6 +34,8 @@ def say_faults(runs: SortedRuns, recordings: Sequence[Recording], fits: Sequence
         say_remanence(runs, recordings),
         *(doubt for fit in fits for doubt in _unsteady(runs, fit)),
         *(_mass(runs, fit) for fit in fits),
+        *(_late(fit) for fit in fits),
+        *_sensors(runs),
         *(_residual(runs, fit) for fit in fits),
     ]
     for fit in fits:
@@ -91,6 +94,33 @@ def _mass(runs: SortedRuns, fit: RichFit) -> str:
     told = f"the force of run {fit.run} holds the inertia of an untared mass of {mass.value:.3g} kg; it is fitted along"
     runs.say("warning", fit.run, f"{told}. Weigh platelet and rod and set 'moving_mass' in the recipe.", "force")
     return f"{told[0].upper()}{told[1:]}."
+
+
+def _late(fit: RichFit) -> str:
+    """Doubt stiffness that a filter's lag would bias and a shift of clocks does not: it lowers its signal as well."""
+    lag, k1 = (next((e for e in fit.batch.estimates if e.name == name), None) for name in ("force_lag", "k1"))
+    reach = reach_of(fit)
+    if lag is None or lag.value is None or k1 is None or not k1.std_error or reach is None:
+        return ""
+    droop = 0.5 * (2 * np.pi * reach.frequencies[1] * lag.value) ** 2
+    off = droop * float(np.std(fit.usable.series.F) / np.std(fit.usable.series.x))
+    if off < 2 * k1.std_error:
+        return ""
+    late, filtered = ("late", "force") if lag.value > 0 else ("early", "displacement")
+    return (
+        f"That the force of run {fit.run} is {abs(lag.value) * 1e6:.0f} us {late} is taken for a shift of the clocks. If it is that of a filter "
+        f"of the {filtered}, stiffness at {reach.frequencies[1]:.3g} Hz is off by {100 * droop:.2g} %, {off:.2g} N/m, which is more than the error of k1: "
+        "calibrate it with a rigid link and set 'force_lag'."
+    )
+
+
+def _sensors(runs: SortedRuns) -> list[str]:
+    """Doubt records of which a part was lost to a clipped or stuck sensor: what else it did then is not known."""
+    return [
+        f"Run {q.run}: {q.message}"
+        for q in runs.quality
+        if q.level == "warning" and any(word in q.message for word in (" is clipped ", " is stuck "))
+    ]
 
 
 def _residual(runs: SortedRuns, fit: RichFit) -> str:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.estimation.separable import linear_fit
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions
 from pipeline.rigs.mre.model.linear_equivalent import LinearEquivalent
 from pipeline.rigs.mre.model.time_fit import TimeFit
@@ -18,9 +17,9 @@ from pipeline.rigs.mre.shear.records import fit_all_records
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
 from pipeline.signals.filtering import low_pass
 
-# A mass is looked for where the residual goes with the acceleration by so many standard errors, and kept where it is
-# known that well.
-_MASS_SEEN, _MASS_SURE = 5.0, 5.0
+# A mass is looked for where the residual holds one of so many standard errors, and kept where it is known that well and
+# the gain of the force does not change besides: a chirp confounds the two at first.
+_MASS_SEEN, _MASS_SURE, _GAIN_STEADY = 4.0, 5.0, 1e-3
 # Filter and batch fit disagree where a parameter is this far apart, and more than chance by the filter's own sd.
 APART = 0.1
 
@@ -51,11 +50,10 @@ def fit_record(
         moving_mass=mass or 0.0,
     )
     batch, linear = _batch(usable, settings, options, runs)
-    if settings.moving_mass == "auto" and mass is None and not linear and _goes_with_acceleration(batch, usable.run):
+    left, error = batch.inertia
+    if settings.moving_mass == "auto" and mass is None and not linear and left > _MASS_SEEN * error:
         weighed, _ = _batch(usable, settings, replace(options, fit_mass=True), runs)
-        found = weighed.one("moving_mass")
-        if found.value is not None and found.std_error and found.value > _MASS_SURE * found.std_error:
-            batch = weighed
+        batch = weighed if _with_mass(weighed, usable.run) else batch
     online, verdict = None, None
     if settings.online:
         online = follow(usable, lag, mass or 0.0, settings, viscous=bool(current))
@@ -73,17 +71,12 @@ def _batch(
     return found.fits[0], tuple(found.linear)
 
 
-def _goes_with_acceleration(fit: TimeFit, run: str) -> bool:
-    """Tell whether the residual holds an inertia that stiffness and damping do not."""
-    series = fit.series[run]
-    time, x = series["time"], series["displacement"]
-    velocity = np.gradient(x, time)
-    acceleration = np.gradient(velocity, time)
-    others = np.column_stack([np.ones(x.size), x, velocity])
-    left = linear_fit(others, acceleration).residual
-    residual = series["force"] - series["model"]
-    error = np.sqrt(np.mean(residual**2) / (left @ left) / max(fit.effective_fraction, 1e-3))
-    return bool(abs(left @ residual) / (left @ left) > _MASS_SEEN * error)
+def _with_mass(fit: TimeFit, run: str) -> bool:
+    """Tell whether a fit with a mass explains what was left: a mass that is sure, and no gain that changes besides."""
+    found = fit.one("moving_mass")
+    change, sd = fit.gain_change[run]
+    steady = abs(change) < max(_GAIN_STEADY, _MASS_SURE * sd)
+    return bool(found.value is not None and found.std_error and found.value > _MASS_SURE * found.std_error and steady)
 
 
 def follow(usable: UsableRun, lag: float | None, mass: float, settings: RichSettings, *, viscous: bool) -> Online:

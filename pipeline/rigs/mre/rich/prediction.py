@@ -12,7 +12,7 @@ _POINTS = 1024
 def secant_stiffness(fit: TimeFit, force: float, frequency: float) -> float | None:
     """Return F_max/x_max (N/m) of the steady loop of a pure sine with F_max = `force` (N) at `frequency` (Hz).
 
-    None where a parameter that it needs is not determined.
+    None where a parameter that it needs is not determined, or the device is far from such a force.
     """
     from scipy.optimize import brentq
 
@@ -23,7 +23,10 @@ def secant_stiffness(fit: TimeFit, force: float, frequency: float) -> float | No
     def half_range(amplitude: float) -> float:
         return 0.5 * float(np.ptp(_loop(values, amplitude, frequency)))
 
-    amplitude = float(brentq(lambda X: half_range(X) - force, 1e-3 / values["rho"], 1e3 / values["rho"], xtol=1e-12))
+    least, most = 1e-3 / values["rho"], 1e3 / values["rho"]
+    if not half_range(least) < force < half_range(most):
+        return None
+    amplitude = float(brentq(lambda X: half_range(X) - force, least, most, xtol=1e-12))
     return force / amplitude
 
 
