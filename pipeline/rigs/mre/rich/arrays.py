@@ -9,7 +9,6 @@ import pandas as pd
 
 from pipeline.estimation.residuals import runs_test, whiteness
 from pipeline.rigs.mre.rich.agreement import Agreement
-from pipeline.rigs.mre.rich.excitation import reach_of
 from pipeline.rigs.mre.rich.fits import RichFit
 from pipeline.rigs.mre.rich.online_verdict import ABSENT
 
@@ -41,7 +40,7 @@ def _joined(parts: object) -> pd.DataFrame:
 
 
 def _record(fit: RichFit) -> dict[str, float | str | None]:
-    batch, reach = fit.batch, reach_of(fit)
+    batch, reach = fit.batch, fit.reach
     row: dict[str, float | str | None] = {
         "run": fit.run,
         "current": fit.current,

@@ -70,7 +70,7 @@ _OWN = {
     "damping": ParameterSpec("damping", "C", "N s/m", "damper of such a record", "F = K x + C v"),
 }
 PARAMETERS = tuple(_OWN.get(name, _SPECS[name]) for name in _HERE)
-_KEPT = {"test", "gap_held", "control", "moving_mass", "force_lag", "n_pads"}
+_KEPT = {"test", "frequency", "amplitude", "gap_held", "control", "moving_mass", "force_lag", "n_pads"}
 CONDITIONS = (
     *(
         ConditionSpec("test", "", "shear_rich") if spec.name == "test" else spec

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.rigs.mre.rich.fits import RichFit
+from pipeline.rigs.mre.model.time_fit import TimeFit
+from pipeline.rigs.mre.shear.sorted_runs import UsableRun
 from pipeline.signals.filtering import low_pass
 
 _ENDS = (0.05, 0.95)
@@ -21,11 +22,17 @@ class Reach:
     amplitudes: tuple[float, float]
     frequencies: tuple[float, float]
 
+    @property
+    def is_one_loop(self) -> bool:
+        """Tell whether the record is one loop over and over."""
+        (small, large), (slow, fast) = self.amplitudes, self.frequencies
+        return large < _NARROW * small and fast < _NARROW * slow
 
-def reach_of(fit: RichFit) -> Reach | None:
-    """Return how far the record of a fit reaches, None where there are hardly any strokes."""
-    series = fit.usable.series
-    x = low_pass(series.time, series.x, fit.batch.cutoff)
+
+def reach_of(usable: UsableRun, cutoff: float) -> Reach | None:
+    """Return how far a record reaches, seen through a low-pass (Hz); None where there are hardly any strokes."""
+    series = usable.series
+    x = low_pass(series.time, series.x, cutoff)
     turns = np.flatnonzero(np.diff(np.sign(np.diff(x))) != 0) + 1
     strokes = np.abs(np.diff(x[turns]))
     times = np.diff(series.time[turns])
@@ -37,15 +44,14 @@ def reach_of(fit: RichFit) -> Reach | None:
     return Reach((low, high), (slow, fast))
 
 
-def advice_for(fit: RichFit) -> list[str]:
+def advice_for(batch: TimeFit, reach: Reach | None) -> list[str]:
     """Return what the next record should hold so that what is open is determined."""
-    reach = reach_of(fit)
-    if reach is None or not fit.batch.undetermined:
+    if reach is None or not batch.undetermined:
         return []
     (small, large), (slow, fast) = reach.amplitudes, reach.frequencies
-    values = dict(zip(fit.batch.names, fit.batch.values.tolist(), strict=True))
+    values = dict(zip(batch.names, batch.values.tolist(), strict=True))
     advice = []
-    known = {"rho", "tau"} - set(fit.batch.undetermined)
+    known = {"rho", "tau"} - set(batch.undetermined)
     rho = values["rho"] if "rho" in known else None
     if large < _NARROW * small:
         advice.append(

@@ -9,7 +9,6 @@ import numpy as np
 
 from pipeline.errors import listing
 from pipeline.recording import Recording
-from pipeline.rigs.mre.rich.excitation import reach_of
 from pipeline.rigs.mre.rich.fits import RichFit
 from pipeline.rigs.mre.rich.online_verdict import CONVERGED
 from pipeline.rigs.mre.shear.check import MODULUS_RANGE
@@ -99,7 +98,7 @@ def _mass(runs: SortedRuns, fit: RichFit) -> str:
 def _late(fit: RichFit) -> str:
     """Doubt stiffness that a filter's lag would bias and a shift of clocks does not: it lowers its signal as well."""
     lag, k1 = (next((e for e in fit.batch.estimates if e.name == name), None) for name in ("force_lag", "k1"))
-    reach = reach_of(fit)
+    reach = fit.reach
     if lag is None or lag.value is None or k1 is None or not k1.std_error or reach is None:
         return ""
     droop = 0.5 * (2 * np.pi * reach.frequencies[1] * lag.value) ** 2

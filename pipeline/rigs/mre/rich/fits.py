@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.estimation.estimate import undetermined
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions
 from pipeline.rigs.mre.model.linear_equivalent import LinearEquivalent
 from pipeline.rigs.mre.model.time_fit import TimeFit
 from pipeline.rigs.mre.rich.declaration import RichSettings
+from pipeline.rigs.mre.rich.excitation import Reach, reach_of
 from pipeline.rigs.mre.rich.online import Online
 from pipeline.rigs.mre.rich.online_verdict import CONVERGED, MOVING, OnlineVerdict, judge_online
 from pipeline.rigs.mre.shear.declaration import ShearSettings
@@ -20,6 +22,7 @@ from pipeline.signals.filtering import low_pass
 # A mass is looked for where the residual holds one of so many standard errors, and kept where it is known that well and
 # the gain of the force does not change besides: a chirp confounds the two at first.
 _MASS_SEEN, _MASS_SURE, _GAIN_STEADY = 4.0, 5.0, 1e-3
+_MAXWELL = {"k1", "s1", "tau", "k2", "s_mr", "force_lag", "k1_plus_k2", "k2_plus_alpha_rho"}
 # Filter and batch fit disagree where a parameter is this far apart, and more than chance by the filter's own sd.
 APART = 0.1
 
@@ -32,6 +35,7 @@ class RichFit:
     usable: UsableRun
     current: float | None
     batch: TimeFit
+    reach: Reach | None
     linear: tuple[LinearEquivalent, ...]
     online: Online | None
     verdict: OnlineVerdict | None
@@ -51,14 +55,18 @@ def fit_record(
     )
     batch, linear = _batch(usable, settings, options, runs)
     left, error = batch.inertia
-    if settings.moving_mass == "auto" and mass is None and not linear and left > _MASS_SEEN * error:
+    reach = reach_of(usable, batch.cutoff)
+    if reach is not None and reach.is_one_loop and not linear:
+        batch = _of_one_loop(batch)
+    swept = usable.excitation.kind != "periodic"  # at one frequency a mass is a spring
+    if settings.moving_mass == "auto" and mass is None and swept and not linear and left > _MASS_SEEN * error:
         weighed, _ = _batch(usable, settings, replace(options, fit_mass=True), runs)
         batch = weighed if _with_mass(weighed, usable.run) else batch
     online, verdict = None, None
     if settings.online:
         online = follow(usable, lag, mass or 0.0, settings, viscous=bool(current))
         verdict = _beside(batch, judge_online(online, batch.rms_residual), online)
-    return RichFit(usable.run, usable, current, batch, linear, online, verdict)
+    return RichFit(usable.run, usable, current, batch, reach, linear, online, verdict)
 
 
 def _batch(
@@ -69,6 +77,22 @@ def _batch(
     found = fit_all_records(alone, as_shear, options)
     runs.quality.extend(finding for finding in alone.quality if finding not in runs.quality)
     return found.fits[0], tuple(found.linear)
+
+
+def _of_one_loop(fit: TimeFit) -> TimeFit:
+    """Take back what one loop over and over cannot tell, however well it is met: spring and Maxwell branch look alike."""
+    reason = "one amplitude at one frequency does not tell the Maxwell branch from springs, dashpots and a lag"
+    estimates = tuple(
+        undetermined(e.name, f"{e.name} is not determined: {reason}", e.at) if e.name in _MAXWELL else e
+        for e in fit.estimates
+    )
+    lost = {name for name in fit.names if name.split(" ")[0] in _MAXWELL}
+    return replace(
+        fit,
+        estimates=estimates,
+        undetermined=tuple(name for name in fit.names if name in lost or name in fit.undetermined),
+        statements=(*fit.statements, f"The Maxwell branch is not determined: {reason}."),
+    )
 
 
 def _with_mass(fit: TimeFit, run: str) -> bool:

@@ -120,7 +120,7 @@ class Online:
     def _begin(self, steps: Steps, count: int) -> None:
         start = self.given or start_from(steps.first(count), viscous=self.viscous, lag_known=self.lag_known)
         if start is None:
-            self.refused = "the force does not rise with the displacement, or hardly anything moves"
+            self.refused = "hardly anything moves, or the force drives the motion"
             return
         raw = np.concatenate(self._raw)[: round(SECONDS * self.ahead.rate)]
         noise = float(np.median(np.abs(np.diff(raw, 3))) / 0.6745 / np.sqrt(20)) if raw.size > 4 else 0.0

@@ -7,15 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.estimation.separable import linear_fit
 from pipeline.recording import Recording
 from pipeline.rigs.mre.shear.runs import current_of, moving_part, without_flat_tops
 from pipeline.rigs.mre.shear.samples import UnfitError, number_of, pads_of, samples_of
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
+from pipeline.signals.filtering import low_pass
 from pipeline.signals.periodicity import classify
 
 # Work over the path, as a share of what rms force would do: below its negative the loops run the wrong way round.
 _BACKWARD = 0.02
 _SHORTEST_STROKES = 12
+_UNRELATED, _SEEN = 0.02, 60.0  # share of the force's power; Hz
 
 
 def usable_records(recordings: Sequence[Recording]) -> SortedRuns:
@@ -65,8 +68,8 @@ def _usable(recording: Recording, runs: SortedRuns) -> UsableRun:
         runs.say(
             "warning",
             recording.run,
-            f"steady cycles of {excitation.frequency:.4g} Hz and no rich record: one amplitude and one frequency leave "
-            "parameters open. mre.shear treats such runs better, together with others.",
+            f"cycles of {excitation.frequency:.4g} Hz throughout and no sweep: one frequency may leave parameters open. "
+            "mre.shear treats such runs better, several of them together.",
             "displacement",
         )
     usable = without_flat_tops(moving_part(usable), runs)
@@ -86,10 +89,13 @@ def _refuse_backward(usable: UsableRun) -> None:
             "in the recipe with 'sign: -1'",
             "force",
         )
-    if abs(correlation) < 0.1:
+    velocity = np.gradient(low_pass(usable.series.time, usable.series.x, _SEEN), usable.series.time)[kept]
+    motion = np.column_stack([x, velocity - velocity.mean()])
+    explained = 1 - linear_fit(motion, F).chi2 / max(float(F @ F), 1e-300)
+    if explained < _UNRELATED:
         raise UnfitError(
-            f"force and displacement have nothing to do with each other (correlation {correlation:.2f}): wrong channels, "
-            "or clocks that are far apart",
+            f"displacement and velocity explain {100 * max(explained, 0.0):.2g} % of the force: wrong channels, or clocks that are "
+            "far apart",
             "force",
         )
     work = float(np.trapezoid(F, x))

@@ -6,6 +6,7 @@ Coarse on purpose: the filter is to find the parameters, the start only has to b
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 
@@ -45,9 +46,10 @@ def start_from(steps: Steps, *, viscous: bool, lag_known: bool) -> Start | None:
         return None
     ones = np.ones(x.size)
     stiffness, damping = linear_fit(np.column_stack([x, v, ones])[known], force).c[:2].tolist()
-    if not stiffness > 0:
-        return None
     path, slowest = path_through(x), float(np.std(x) / np.std(v))
+    scale = math.hypot(stiffness, damping / slowest)
+    if not scale > 0 or max(stiffness, damping / slowest) < 0:
+        return None
     best: tuple[float, float, float, np.ndarray] | None = None
     for tau, rho in itertools.product((slowest * f for f in _TAU), (f / excursion for f in _RHO)):
         u = maxwell_along(t, x, tau, v)[:, 0]
@@ -57,7 +59,7 @@ def start_from(steps: Steps, *, viscous: bool, lag_known: bool) -> Start | None:
             best = (fit.chi2, tau, rho, fit.c)
     assert best is not None
     _, tau, rho, (k1, k2, alpha, offset) = best
-    least = _LEAST * stiffness
+    least = _LEAST * scale
     values = {"k1": max(k1, least), "tau": tau, "k2": max(k2, least), "alpha_bw": max(alpha, least * excursion)}
     values |= {"rho": rho, "c_bw": _C, "n_bw": _N}
     swing = 0.5 * float(np.ptp(force))

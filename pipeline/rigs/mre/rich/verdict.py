@@ -67,6 +67,6 @@ def _record(said: Judgement, fit: RichFit) -> None:
         )
     elif batch.undetermined:
         said.warn(f"Run {fit.run}: not determined: {', '.join(batch.undetermined)}.")
-        said.advice += advice_for(fit)
+        said.advice += advice_for(batch, fit.reach)
     for name in batch.at_bound:
         said.warn(f"Run {fit.run}: {name} lies at the edge of what is admissible.")
