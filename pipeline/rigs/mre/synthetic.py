@@ -211,13 +211,28 @@ def synthesize_shear(truth: Mapping[str, Any], seed: int) -> list[Recording]:
 
 def synthesize_rich(truth: Mapping[str, Any], seed: int, current: float = 0.0, duration: float = 60.0) -> Recording:
     """Return one T8 log: 3-17 Hz chirp, amplitude swinging between 0.1 and 0.6 mm, at one current (A)."""
-    known = shear_truth(truth)
-    rng = np.random.default_rng(seed)
-    fine = np.arange(round(duration * known.rate * _OVERSAMPLING)) / (known.rate * _OVERSAMPLING)
+    known = replace(shear_truth(truth), duration=duration)
+    return rich_recording(known, current, seed, rich_signals(known, current))
+
+
+def rich_signals(truth: ShearTruth, current: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return time (s), displacement (m) and force (N) of a T8 record as they are, oversampled; shape (n,) each."""
+    fine = np.arange(round(truth.duration * truth.rate * _OVERSAMPLING)) / (truth.rate * _OVERSAMPLING)
     X = 1e-3 * (0.35 - 0.25 * np.cos(2 * np.pi * 0.23 * fine))
-    x = X * np.sin(2 * np.pi * (3 + 7 * fine / duration) * fine)
-    run = ShearRun(f"rich_{current:g}a", "shear_rich", float("nan"), float("nan"), current)
-    return _recording(known, run, rng, fine, x, _force_along(known, run, fine, x), 0.0, duration)
+    x = X * np.sin(2 * np.pi * (3 + 7 * fine / truth.duration) * fine)
+    return fine, x, _force_along(truth, _rich_run(current), fine, x)
+
+
+def rich_recording(
+    truth: ShearTruth, current: float, seed: int, signals: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> Recording:
+    """Return those signals as the rig's sensors give them."""
+    fine, x, force = signals
+    return _recording(truth, _rich_run(current), np.random.default_rng(seed), fine, x, force, 0.0, truth.duration)
+
+
+def _rich_run(current: float) -> ShearRun:
+    return ShearRun(f"rich_{current:g}a", "shear_rich", float("nan"), float("nan"), current)
 
 
 def _sine_run(truth: ShearTruth, run: ShearRun, rng: np.random.Generator) -> Recording:

@@ -12,6 +12,7 @@ from pipeline.rigs.mre.model.linear_equivalent import LinearEquivalent
 from pipeline.rigs.mre.model.time_fit import TimeFit
 from pipeline.rigs.mre.rich.declaration import RichSettings
 from pipeline.rigs.mre.rich.excitation import Reach, reach_of
+from pipeline.rigs.mre.rich.joint_filter import Start
 from pipeline.rigs.mre.rich.online import Online
 from pipeline.rigs.mre.rich.online_verdict import CONVERGED, MOVING, OnlineVerdict, judge_online
 from pipeline.rigs.mre.shear.declaration import ShearSettings
@@ -103,14 +104,23 @@ def _with_mass(fit: TimeFit, run: str) -> bool:
     return bool(found.value is not None and found.std_error and found.value > _MASS_SURE * found.std_error and steady)
 
 
-def follow(usable: UsableRun, lag: float | None, mass: float, settings: RichSettings, *, viscous: bool) -> Online:
-    """Run the joint filter over a record, as it would have run while the record came in."""
+def follow(
+    usable: UsableRun,
+    lag: float | None,
+    mass: float,
+    settings: RichSettings,
+    *,
+    viscous: bool,
+    start: Start | None = None,
+    annealed: bool = True,
+) -> Online:
+    """Run the joint filter over a record, as it would have run while the record came in; `start` as in `Online`."""
     series = usable.series
     force = np.where(series.counts, series.F, np.nan)
     if mass:
         smooth = low_pass(series.time, series.x, settings.online_cutoff)
         force = force - mass * np.gradient(np.gradient(smooth, series.time), series.time)
-    online = Online(viscous=viscous, force_lag=lag, cutoff=settings.online_cutoff)
+    online = Online(viscous=viscous, force_lag=lag, cutoff=settings.online_cutoff, start=start, annealed=annealed)
     online.feed(series.time, series.x, force)
     online.finish()
     return online
