@@ -17,6 +17,8 @@ _LEAST_CHANGE = 0.004  # of the range of the current
 _SMALLEST = 5e-3  # A, levels closer than this are one
 _STILL_SHARE = 0.05  # of the samples that differ from the one before: a set-point has fewer
 _FEWEST = 3
+_WINDOWS = (0.25, 0.5, 1.0, 2.0)  # s
+HOLD_DRIFT = 0.15  # A, a hold whose current changes more is a part of a ramp
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,29 @@ def holds_of(time: np.ndarray, current: np.ndarray, window: float = _WINDOW) -> 
     spans = _merged(x, spans, noise)
     holds = tuple(_hold(t, x, a, b, noise, step) for a, b in spans if b - a >= _FEWEST)
     return Staircase(holds, noise, set_point, step)
+
+
+def finest_holds_of(time: np.ndarray, current: np.ndarray) -> Staircase:
+    """Find the holds with the window, a quarter to two seconds, that tells the most levels apart.
+
+    A noisy current, or small steps, need more samples before and after a change; short holds need fewer.
+    """
+    found = [holds_of(time, current, window) for window in _WINDOWS]
+    return max(found, key=lambda stairs: levels_told(stairs.holds))
+
+
+def levels_told(holds: Sequence[Hold]) -> int:
+    """Return how many different levels there are among holds that stand still.
+
+    Examples
+    --------
+    >>> levels_told([Hold(0, 9, 0.0, 0.001, 0.0), Hold(10, 19, 0.5, 0.001, 0.0), Hold(20, 29, 0.001, 0.001, 0.0)])
+    2
+    """
+    still = [hold for hold in holds if abs(hold.drift) < HOLD_DRIFT]
+    levels = np.sort([hold.level for hold in still])
+    error = max((hold.level_error for hold in still), default=0.0)
+    return int(1 + np.count_nonzero(np.diff(levels) > max(0.02, 5 * error))) if levels.size else 0
 
 
 def level_name(level: float, error: float) -> float:

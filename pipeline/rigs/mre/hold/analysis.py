@@ -63,8 +63,8 @@ class Analysed:
             current = abs(float(self.record.level[number]))
             if current > NEAR_ZERO:
                 found.setdefault(level_name(current, float(self.record.level_error[number])), []).append(current)
-        if self.record.swept:
-            return {}
+        if self.record.swept:  # no level was held: every whole ampere that the sweep went through
+            return {float(i): float(i) for i in range(1, int(self.fit.rows.current.max() + 0.1) + 1)}
         return {name: float(np.mean(currents)) for name, currents in found.items()}
 
 

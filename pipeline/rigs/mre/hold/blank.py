@@ -16,10 +16,12 @@ MU0 = 4e-7 * math.pi
 class Blank:
     """Force of a blank test above that at 0 A, N, by level of the current (A, rising), with standard errors.
 
-    The remanence makes the way down differ: +1 up and -1 down have a table (current, pull, error) of their own where both were swept.
+    The remanence makes the way down differ: +1 up and -1 down have a table (current, pull, error) of their own where both were swept. `zero_error` is the
+    standard error of the level at 0 A, common to all.
     """
 
     run: str
+    zero_error: float
     ways: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]
 
     def _of(self, way: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -60,8 +62,8 @@ def blank_of(record: Record) -> Blank | None:
         if rows.size and np.ptp(level[rows]) > 0.5 * np.ptp(level):
             rows = np.union1d(rows, [top])  # the turn belongs to both ways
             rows = rows[np.argsort(level[rows], kind="stable")]
-            ways[way] = (level[rows], force[rows] - force[zero], np.sqrt(variance[rows] + variance[zero]))
-    return Blank(record.run, ways) if ways else None
+            ways[way] = (level[rows], force[rows] - force[zero], np.sqrt(variance[rows]))
+    return Blank(record.run, float(np.sqrt(variance[zero])), ways) if ways else None
 
 
 def pole_pull(flux: np.ndarray | float, area: float) -> np.ndarray:

@@ -142,7 +142,7 @@ def fit_field(record: Record) -> FieldFit | None:
         covariance,
         fit.residual * sd,
         fit.chi2,
-        float(current.size - len(kept)) if scatter2 > 0 else 1e3,
+        float(max(current.size - len(kept), 1)),
         curved,
     )
 

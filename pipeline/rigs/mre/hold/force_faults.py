@@ -20,10 +20,10 @@ _SMALL = 2e-3  # of F0: what is below is no doubt
 _MISFIT = 0.01
 
 
-def judge_force(found: Analysed, doubts: Doubts) -> None:
-    """Say what is doubtful about the force of one run."""
+def judge_force(found: Analysed, doubts: Doubts) -> bool:
+    """Say what is doubtful about the force of one run; False where its numbers are not to be used."""
     if _wrong_unit(found, doubts):
-        return
+        return False
     fit, record, run = found.fit, found.record, found.run
     if fit.values["h"] < 0:
         doubts.doubt(
@@ -34,7 +34,7 @@ def judge_force(found: Analysed, doubts: Doubts) -> None:
     _limit(found, doubts)
     _relaxation(found, doubts)
     _rest(found, doubts)
-    if float(found.rows.current.min()) > 0.1:
+    if float(found.rows.current.min()) > max(0.1, 0.03 * float(found.rows.current.max())):
         doubts.doubt(
             run,
             f"no hold is at 0 A (the lowest is {found.rows.current.min():.2f} A): F0 and all increments rest on the law carried to 0 A.",
@@ -59,6 +59,7 @@ def judge_force(found: Analysed, doubts: Doubts) -> None:
             run,
             f"the pull of the poles from run {found.blank.run} was taken off, {found.blank.largest[1]:.3g} N at {found.blank.largest[0]:.3g} A.",
         )
+    return True
 
 
 def _wrong_unit(found: Analysed, doubts: Doubts) -> bool:
@@ -148,7 +149,7 @@ def _rest(found: Analysed, doubts: Doubts) -> None:
     if abs(drift.z) > _SURE and abs(drift.size) > _SMALL * F0:
         doubts.doubt(
             found.run,
-            f"the force drifts by {drift.size:.2g} N over the log beside relaxation: zero of the sensor, or temperature.",
+            f"the force drifts by {drift.size:.2g} N over the log beside relaxation: zero of the sensor, or temperature. Relaxation and increments are off by as much.",
             "Note the force before and after with the pad unloaded.",
         )
     if record.both_ways:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -69,8 +69,7 @@ def identify(recordings: Sequence[Recording], settings: HoldSettings, context: C
     for record in records:
         if record.run not in left_out:
             judge_record(record, settings, doubts)
-    for found in analysed:
-        judge_force(found, doubts)
+    usable_force = {found.run for found in analysed if judge_force(found, doubts)}
     by_run = {record.run: record for record in records}
     sound = {run: field for run, field in fields.items() if judge_field(field, by_run[run], settings, doubts)}
     if not analysed:
@@ -80,14 +79,13 @@ def identify(recordings: Sequence[Recording], settings: HoldSettings, context: C
             None,
             f"campaign '{campaign}' ({other.experiment}) was handed over and is not used: a hold test uses no other findings.",
         )
-    bad = {q.run for q in doubts.quality if q.level == "error"}
     return Findings(
         campaign=context.campaign,
         experiment="mre.hold",
         verdict=doubts.said.verdict,
         reasons=doubts.said.reasons
         or ["Saturation was passed, both sweeps agree with the law, and the residual is no more than the noise."],
-        parameters=_parameters(analysed, fields, sound, bad),
+        parameters=_parameters(analysed, usable_force, fields, sound),
         models=[model for found in analysed for model in _models(found, len(analysed) > 1)],
         published=published(analysed, sound, recordings),
         quality=doubts.quality,
@@ -150,16 +148,18 @@ def _blank(records: Sequence[Record], left_out: dict[str, str]) -> Blank | None:
 
 
 def _parameters(
-    analysed: Sequence[Analysed], fields: Mapping[str, FieldFit], sound: Mapping[str, FieldFit], bad: set[str | None]
+    analysed: Sequence[Analysed], forces: Collection[str], fields: Mapping[str, FieldFit], sound: Mapping[str, FieldFit]
 ) -> list[Parameter]:
     told: list[Parameter] = []
     for found in analysed:
         at: OperatingPoint = {"run": found.run} if len(analysed) > 1 else {}
         conditions = found.record.recording.conditions
         error = conditions.get("force_gain_error")
-        estimates = estimates_of(found.saturation, float(error) if isinstance(error, float) else 0.0)
+        gain = float(error) if isinstance(error, float) else 0.0
+        offset = found.blank.zero_error if found.blank is not None else 0.0
+        estimates = estimates_of(found.saturation, gain, offset)
         estimates += increments_of(found.saturation, found.labels())
-        if found.run in bad and found.run not in {run for run in fields if run not in sound}:
+        if found.run not in forces:
             reason = "the force of this run is not to be used, see the reasons"
             estimates = [undetermined(e.name, reason, e.at) for e in estimates]
         method = f"separable least squares on {found.fit.rows.current.size} holds: means and creep"

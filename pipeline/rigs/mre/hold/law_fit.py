@@ -283,8 +283,8 @@ def _result(
     inside = [i for i, name in enumerate(names) if name not in bound]
     jacobian = fit.jacobian[:, inside]
     covariance, _ = covariance_of(jacobian)
-    # Scatter between the holds is known from n - k of them; what their samples tell is known far better.
-    dof = max(problem.rows.current.size - len(inside), 1) if scatter > 0 else 1e3
+    # Whether the holds scatter more than their samples tell is judged from n - k of them.
+    dof = max(problem.rows.current.size - len(inside), 1)
     return LawFit(
         problem.rows,
         problem.shape,

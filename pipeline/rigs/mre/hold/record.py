@@ -14,14 +14,14 @@ import numpy as np
 
 from pipeline.errors import counted, listing
 from pipeline.recording import QualityFinding, Recording
-from pipeline.rigs.mre.current_levels import Hold, Staircase, holds_of
+from pipeline.rigs.mre.current_levels import HOLD_DRIFT, Hold, Staircase, finest_holds_of, levels_told
 from pipeline.rigs.mre.hold.repeats import clipped_or_stuck
 from pipeline.rigs.mre.hold.samples import FEWEST, Creep, Means, creep_of, log_times, means_of, still_settling
 
 _FEWEST_HOLDS = 4
-_SWEPT = 0.5  # share of the log that no hold covers: it was swept through
+_SWEPT = 0.8  # share of the log that no hold covers: it was swept through
 _BLOCKS = 60  # stretches that a continuous sweep is cut into
-_HOLD_DRIFT = 0.15  # A, a hold whose current changes more is a part of a ramp
+_LARGEST = 200.0  # A, of any such coil
 
 
 class UnusableError(Exception):
@@ -83,7 +83,7 @@ def record_of(recording: Recording, settle: float) -> Record:
     start = min(float(stream.time[0]) for stream in recording.streams.values() if stream.time.size)
     time, current = recording.signal("current")
     time, current = time - start, _current(current, say)
-    stairs = holds_of(time, current)
+    stairs = finest_holds_of(time, current)
     holds, swept = _holds(time, current, stairs, say)
     waits = np.array([0.0 if swept else min(settle, 0.5 * hold.duration) for hold in holds])
     windows = [(hold.start + wait, hold.stop) for hold, wait in zip(holds, waits, strict=True)]
@@ -149,6 +149,11 @@ def _current(values: np.ndarray, say: Callable[[str, str | None, str], None]) ->
             f"the current moves between {low:.4g} and {high:.4g} A only: no sweep, or A taken as mA (factor 1000)",
             "current",
         )
+    if max(abs(low), abs(high)) > _LARGEST:
+        raise UnusableError(
+            f"the current reaches {max(abs(low), abs(high)):.4g} A, which no such coil takes: mA taken as A (factor 1000)?",
+            "current",
+        )
     if -low > 5 * max(high, 0.0):
         say("warning", "current", f"the current is negative (to {low:.4g} A): taken as positive; check its sign.")
         return np.asarray(-values)
@@ -166,9 +171,9 @@ def _holds(
     time: np.ndarray, current: np.ndarray, stairs: Staircase, say: Callable[[str, str | None, str], None]
 ) -> tuple[tuple[Hold, ...], bool]:
     """Return the holds, or the blocks of a continuous sweep and True."""
-    still = tuple(hold for hold in stairs.holds if abs(hold.drift) < _HOLD_DRIFT)
+    still = _without_frozen(time, current, [hold for hold in stairs.holds if abs(hold.drift) < HOLD_DRIFT], say)
     covered = sum(hold.duration for hold in still) / max(float(time[-1] - time[0]), 1e-9)
-    distinct = _levels(still)
+    distinct = levels_told(still)
     if covered >= 1 - _SWEPT and distinct >= 2:
         if distinct < _FEWEST_HOLDS - 1:
             raise UnusableError(
@@ -195,9 +200,21 @@ def _holds(
     return tuple(blocks), True
 
 
-def _levels(holds: Sequence[Hold]) -> int:
-    levels = np.sort([hold.level for hold in holds])
-    return int(1 + np.count_nonzero(np.diff(levels) > 0.02)) if levels.size else 0
+def _without_frozen(
+    time: np.ndarray, current: np.ndarray, holds: Sequence[Hold], say: Callable[[str, str | None, str], None]
+) -> tuple[Hold, ...]:
+    """Return the holds in which the measured current was alive: where it varies elsewhere, none repeats one value."""
+    inside = [current[(time >= hold.start) & (time < hold.stop) & np.isfinite(current)] for hold in holds]
+    clipped, stuck = clipped_or_stuck(inside, current[np.isfinite(current)])
+    frozen = clipped | stuck
+    for hold, dead in zip(holds, frozen, strict=True):
+        if dead:
+            say(
+                "warning",
+                "current",
+                f"the current is frozen at {hold.level:.4g} A from {hold.start:.4g} to {hold.stop:.4g} s; that stretch does not enter.",
+            )
+    return tuple(hold for hold, dead in zip(holds, frozen, strict=True) if not dead)
 
 
 def _directions(level: np.ndarray) -> np.ndarray:

@@ -140,7 +140,7 @@ def _profiles(fit: LawFit) -> tuple[ProfileInterval, ProfileInterval, ProfileInt
     return I_s, a, u
 
 
-def estimates_of(found: Saturation, gain_error: float = 0.0) -> list[Estimate]:
+def estimates_of(found: Saturation, gain_error: float = 0.0, offset_error: float = 0.0) -> list[Estimate]:
     """Return F0, a, I_s, p and r with their intervals, or why they are open.
 
     Parameters
@@ -149,10 +149,12 @@ def estimates_of(found: Saturation, gain_error: float = 0.0) -> list[Estimate]:
         The fit and what was judged of it.
     gain_error
         Relative standard uncertainty of the force's calibration; scales F0, nothing else.
+    offset_error
+        Standard error of what was taken off every force alike, N.
     """
     fit = found.for_increments
     dof, t = fit.dof, t_quantile(fit.dof)
-    sd = math.hypot(fit.sd({"F0": 1.0}), gain_error * fit.F0)
+    sd = math.hypot(fit.sd({"F0": 1.0}), gain_error * fit.F0, offset_error)
     told = [Estimate("force_initial", fit.F0, sd, (fit.F0 - t * sd, fit.F0 + t * sd), dof=dof)]
     told += _limit(found)
     sd = fit.sd({"r": 1.0})

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Experiment, Later, ParameterSpec, Range, Settings
 from pipeline.rigs.mre.conditions import PRELOAD, SAMPLE
-from pipeline.rigs.mre.references import BRANCATI_2019, GOLUB_PEREYRA_1973, KAUFMAN_1975, NEWEY_WEST_1987, SCHWARZ_1978
+from pipeline.rigs.mre.references import BRANCATI_2019, GOLUB_PEREYRA_1973, KAUFMAN_1975, SCHWARZ_1978
 
 LAG = Range(-0.1, 0.1)
 
@@ -59,7 +59,7 @@ STEP = Experiment(
     id="mre.step",
     title="Response of magneto-rheological pads to steps of the coil current",
     summary="Delay, time constants and rise times of the axial force at a fixed gap, on and off, from the measured current.",
-    references=(BRANCATI_2019, GOLUB_PEREYRA_1973, KAUFMAN_1975, SCHWARZ_1978, NEWEY_WEST_1987),
+    references=(BRANCATI_2019, GOLUB_PEREYRA_1973, KAUFMAN_1975, SCHWARZ_1978),
     channels=CHANNELS,
     conditions=CONDITIONS,
     parameters=PARAMETERS,

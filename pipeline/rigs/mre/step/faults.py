@@ -12,13 +12,14 @@ from pipeline.rigs.mre.doubts import Doubts
 from pipeline.rigs.mre.step.declaration import StepSettings
 from pipeline.rigs.mre.step.lag_fit import LagFit
 from pipeline.rigs.mre.step.record import Record
-from pipeline.rigs.mre.step.times import blind
+from pipeline.rigs.mre.step.times import blind, coarse
 
 # Axial stress on a pad beyond which a unit is suspected, Pa.
 STRESS = (2e3, 2e7)
 _AREA = 1.963495e-3  # m^2, of the paper's pads where none are told
 _COLOURED = 0.6  # effective over actual number of samples below which the noise of a channel is filtered
 _WHITE = 0.8
+_FILTER = 0.05  # s, correlation beyond which it is no filter of a force channel
 _MISFIT, _CLEAR = 0.01, 3.0  # of the step; times the noise
 _EARLY = 3.0  # standard errors
 
@@ -177,18 +178,34 @@ def _misfit(fit: LagFit, size: float, doubts: Doubts) -> None:
 
 
 def _filtered(fit: LagFit, doubts: Doubts) -> None:
-    """Tell a filter in the force channel from the colour of its noise, where that of the current is white."""
+    """Tell coarse steps, drift, and a filter in the force channel alone (its noise is coloured, that of the current white)."""
     record = fit.record
     rest = fit.residual[fit.kept]
-    steps = np.abs(np.diff(np.sort(np.unique(record.force))))
-    if steps.size and float(np.median(steps)) > 0.5 * fit.sigma:
-        doubts.note(
+    worst = coarse(fit)
+    if worst > 0:
+        doubts.doubt(
             record.run,
-            f"the force comes in steps of {float(np.median(steps)):.2g} N, as large as its noise.",
+            f"the force comes in steps of {worst * math.sqrt(6):.2g} N, larger than its noise: levels are known to {worst:.2g} N only, which the intervals allow for roughly.",
+            "Use a finer range of the converter.",
             "force_axial",
         )
         return
+    if fit.drift:
+        doubts.doubt(
+            record.run,
+            f"the force drifts by {fit.drift:.2g} N over the log beside creep: zero of the sensor, or temperature. A straight drift was fitted along.",
+            "Note the force before and after with the pad unloaded.",
+            "force_axial",
+        )
     if fit.effective > _COLOURED * rest.size or rest.size < 200:
+        return
+    late = 0.5 * rest.size / fit.effective * float(np.median(np.diff(record.time)))
+    if late > _FILTER:
+        doubts.doubt(
+            record.run,
+            f"what the model leaves wanders over some {late:.2g} s ({fit.sigma:.2g} N rms): creep, drift or a second process that the model does not hold.",
+            channel="force_axial",
+        )
         return
     hold = max(record.stairs.holds, key=lambda h: h.duration)
     time, current = record.recording.signal("current")
@@ -196,7 +213,6 @@ def _filtered(fit: LagFit, doubts: Doubts) -> None:
     inside = current[(time - begin > hold.start) & (time - begin < hold.stop) & np.isfinite(current)]
     own = autocovariance(inside, 1) if inside.size > 50 else np.array([1.0, 0.0])
     alike = bool(own[0] > 0 and own[1] / own[0] > 1 - _WHITE)
-    late = 0.5 * rest.size / fit.effective * float(np.median(np.diff(record.time)))
     if not alike:
         doubts.doubt(
             record.run,

@@ -136,7 +136,7 @@ def _parameter(e: Estimate, at: OperatingPoint) -> Parameter:
         ci95=e.ci95,
         unit=spec.unit,
         at={**at, **dict(e.at)},
-        description=e.reason if e.value is None else spec.description,
+        description=e.reason if e.value is None else f"{spec.description}{f'; {e.reason}' if e.reason else ''}",
         source=spec.source,
         method="separable least squares on the measured current, errors widened for coloured residuals",
     )

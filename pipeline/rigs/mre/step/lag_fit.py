@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.estimation.profile import ProfileInterval, profile_interval
 from pipeline.estimation.selection import Candidate
-from pipeline.estimation.separable import SeparableFit, fit_separable
-from pipeline.estimation.uncertainty import Covariance, effective_size, newey_west
+from pipeline.estimation.separable import SeparableFit, covariance_of, fit_separable
+from pipeline.estimation.uncertainty import Covariance, effective_size, widened
 from pipeline.rigs.mre.step.lags import response
 from pipeline.rigs.mre.step.record import DIRECTIONS, Record
 
@@ -25,13 +26,18 @@ _COARSE, _CLOSE = 1000, 700
 _WILD = 6.0
 # BIC by which a second lag must win.
 _MARGIN = 6.0
+_SURE_DRIFT, _LEAST_DRIFT = 8.0, 5e-3  # standard errors; of the largest step
 
 Lags = Mapping[str, int]
 
 
 @dataclass(frozen=True, eq=False)
 class LagFit:
-    """The fit of one log. `values` holds L, ln_tau1 (and ln_tau2, the smaller) by direction, as ``"rise.L"``; `names` their order in `q` and `covariance`."""
+    """The fit of one log. `values` holds L, ln_tau1 (and ln_tau2, the smaller) by direction, as ``"rise.L"``; `names` their order in `q` and `covariance`.
+
+    `drift` is what the force drifts over the log beside creep, N, where that was fitted along. `profiles` holds the intervals of L and
+    ln_tau1 with a second lag admitted, for directions in which none was told.
+    """
 
     record: Record
     lags: dict[str, int]
@@ -44,6 +50,8 @@ class LagFit:
     kept: np.ndarray
     effective: float
     at_bound: frozenset[str]
+    drift: float
+    profiles: Mapping[str, ProfileInterval]
 
     @property
     def values(self) -> dict[str, float]:
@@ -106,8 +114,8 @@ class Rows:
 class Problem:
     """Columns of the model for given numbers of lags, at given rows."""
 
-    def __init__(self, record: Record, lags: Lags, rows: Rows) -> None:
-        self.record, self.lags, self.rows = record, dict(lags), rows
+    def __init__(self, record: Record, lags: Lags, rows: Rows, drift: bool = False) -> None:
+        self.record, self.lags, self.rows, self.drift = record, dict(lags), rows, drift
         self.names = tuple(
             f"{direction}.{name}"
             for direction, count in self.lags.items()
@@ -117,10 +125,12 @@ class Problem:
         self.parts = parts_of(record)
 
     def columns(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the columns 1, log10(1 + t), y_k and their slopes with q."""
+        """Return the columns 1, log10(1 + t), y_k (and t) and their slopes with q."""
         v = dict(zip(self.names, q.tolist(), strict=True))
         n, steps = self.time.size, self.record.steps
-        A = np.empty((n, 2 + len(steps)))
+        A = np.empty((n, 2 + len(steps) + self.drift))
+        if self.drift:
+            A[:, -1] = self.time / float(self.record.grid[-1])
         A[:, 0], A[:, 1] = 1.0, np.log10(1 + np.maximum(self.time, 0.0))
         dA = np.zeros((q.size, n, A.shape[1]))
         for number, step in enumerate(steps):
@@ -141,8 +151,8 @@ class Problem:
         share = place - k
         return np.asarray(curves[:, k] * (1 - share) + curves[:, k + 1] * share)
 
-    def fit(self, start: Mapping[str, float]) -> SeparableFit:
-        """Fit from a start.
+    def fit(self, start: Mapping[str, float], hold: tuple[str, float] | None = None) -> SeparableFit:
+        """Fit from a start; with one parameter held where asked for (and no second lag above a first that is held).
 
         Raises
         ------
@@ -154,11 +164,16 @@ class Problem:
         bounds = {"L": (-_MOST_DELAY, _MOST_DELAY), "ln_tau1": (low, high), "ln_tau2": (low, high)}
         lower, upper = np.array([bounds[name.split(".")[1]] for name in self.names]).T
         q0 = np.array([start[name] for name in self.names])
+        if hold is not None:
+            at = self.names.index(hold[0])
+            q0[at], lower[at], upper[at] = hold[1], hold[1] - 1e-9, hold[1] + 1e-9
+            if hold[0].endswith("ln_tau1"):
+                upper[at + 1] = max(hold[1], lower[at + 1] + 1e-3)
         scale = np.array([0.02 if name.endswith(".L") else 0.2 for name in self.names])
         return fit_separable(
             self.columns,
             self.rows.force,
-            np.clip(q0, lower + 1e-6, upper - 1e-6),
+            np.clip(q0, lower + 1e-10, upper - 1e-10),
             lower=lower,
             upper=upper,
             scale=scale,
@@ -199,9 +214,14 @@ def fit_lags(record: Record) -> Found:
     kept = np.ones(record.time.size, dtype=bool)
     rows = Rows.thinned(record, kept)
     single = _best(Problem(record, dict.fromkeys(present, 1), rows), [_start(present, *pair) for pair in _STARTS])
-    both = Problem(record, dict.fromkeys(present, 2), rows)
+    drifts = _drifts(Problem(record, dict.fromkeys(present, 1), rows), single)
+    both = Problem(record, dict.fromkeys(present, 2), rows, drifts)
     double = _best(both, [_start(present, *pair) for pair in _STARTS[:2]] + _from_one(single, present))
-    everywhere = Problem(record, both.lags, Rows.all_of(record, kept))
+    drifts = drifts or _drifts(both, double)
+    if drifts and not both.drift:
+        both = Problem(record, both.lags, rows, drifts)
+        double = _best(both, [dict(zip(both.names, double.q.tolist(), strict=True))])
+    everywhere = Problem(record, both.lags, Rows.all_of(record, kept), drifts)
     rest = record.force - everywhere.columns(double.q)[0] @ double.c
     off = np.abs(rest - np.median(rest))
     kept = off <= _WILD * 1.4826 * float(np.median(off)) if float(np.median(off)) > 0 else kept
@@ -211,7 +231,7 @@ def fit_lags(record: Record) -> Found:
     effective = effective_size(rest[kept], 3 * len(present))
     tried = []
     for lags in _choices(present):
-        fit = _best(Problem(record, lags, rows), [_of_both(single, double, present, lags)])
+        fit = _best(Problem(record, lags, rows, drifts), [_of_both(single, double, present, lags)])
         tried.append((lags, fit, fit.q.size + fit.c.size))
     # Means weigh as their samples do: a rise of the misfit is the same as with every sample.
     least = min(fit.chi2 for _, fit, _ in tried)
@@ -224,9 +244,55 @@ def fit_lags(record: Record) -> Found:
     near = [i for i, candidate in enumerate(candidates) if candidate.bic < best + _MARGIN]
     chosen = min(near, key=lambda i: (candidates[i].n_parameters, candidates[i].bic))
     lags, rough = tried[chosen][:2]
-    problem = Problem(record, lags, Rows.all_of(record, kept))
+    problem = Problem(record, lags, Rows.all_of(record, kept), drifts)
     found = _result(problem, _best(problem, [dict(zip(problem.names, rough.q.tolist(), strict=True))]), kept)
-    return Found(replace(found, effective=effective), candidates)
+    scale = found.sigma**2 * max(int(kept.sum()) / effective, 1.0)
+    profiles: dict[str, ProfileInterval] = {}
+    for direction in present:
+        if lags[direction] == 1:
+            wider = Problem(record, {**lags, direction: 2}, rows, drifts)
+            begin = _of_both(single, double, present, wider.lags)
+            profiles |= _profiles(wider, direction, begin, scale, found)
+    return Found(replace(found, effective=effective, profiles=profiles), candidates)
+
+
+def _drifts(problem: Problem, fit: SeparableFit) -> bool:
+    """Tell whether what is left asks for a straight drift beside creep, by far more than noise would."""
+    rest = fit.residual
+    column = problem.time / float(problem.record.grid[-1]) * problem.rows.weight
+    left = column - fit.jacobian @ np.linalg.lstsq(fit.jacobian, column, rcond=None)[0]
+    norm = float(left @ left)
+    if norm < 1e-8 * float(column @ column):
+        return False
+    value = float(left @ rest) / norm
+    sigma = float(np.sqrt(np.mean((rest - value * left) ** 2)))
+    size = max(abs(float(c) * (s.after - s.before)) for c, s in zip(fit.c[2:], problem.record.steps, strict=False))
+    return abs(value) * math.sqrt(norm) > _SURE_DRIFT * sigma and abs(value) > _LEAST_DRIFT * size
+
+
+def _profiles(
+    problem: Problem, direction: str, start: Mapping[str, float], scale: float, chosen: LagFit
+) -> dict[str, ProfileInterval]:
+    """Return the intervals of L and ln_tau1 of a direction with a second lag admitted, on thinned rows."""
+    best = _best(problem, [start])
+    names = dict(zip(problem.names, best.q.tolist(), strict=True))
+    first, second = f"{direction}.ln_tau1", f"{direction}.ln_tau2"
+    if names[first] < names[second]:
+        names[first], names[second] = names[second], names[first]
+    found = {}
+    for name, guess in ((f"{direction}.L", 0.003), (first, 0.03)):
+        place = chosen.names.index(name)
+        error = float(np.sqrt(chosen.covariance.matrix[place, place]))
+        error = error if math.isfinite(error) and error > 0 else guess
+
+        def misfit(value: float, name: str = name) -> float:
+            return problem.fit(names, (name, value)).chi2
+
+        least = min(best.chi2, misfit(names[name]))
+        found[name] = profile_interval(
+            misfit, names[name], least, max(error, guess), dof=chosen.covariance.dof, scale=scale, reach=40.0
+        )
+    return found
 
 
 def _choices(present: Sequence[str]) -> list[dict[str, int]]:
@@ -291,18 +357,6 @@ def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> SeparableF
     return min(ends, key=lambda end: end.chi2)
 
 
-def _in_blocks(jacobian: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return means over as many neighbours as the noise is correlated over, where that is more than two samples.
-
-    The autoregression of Newey and West's prewhitening then has a memory that it can hold.
-    """
-    group = round(residual.size / effective_size(residual, jacobian.shape[1]))
-    if group < 3 or residual.size < 20 * group:
-        return jacobian, residual
-    n = residual.size // group * group
-    return jacobian[:n].reshape(-1, group, jacobian.shape[1]).mean(axis=1), residual[:n].reshape(-1, group).mean(axis=1)
-
-
 def _result(problem: Problem, fit: SeparableFit, kept: np.ndarray) -> LagFit:
     q, jacobian, bound = fit.q.copy(), fit.jacobian.copy(), fit.at_bound.copy()
     for direction, count in problem.lags.items():
@@ -312,15 +366,13 @@ def _result(problem: Problem, fit: SeparableFit, kept: np.ndarray) -> LagFit:
                 q[[i, j]], bound[[i, j]] = q[[j, i]], bound[[j, i]]
                 jacobian[:, [i, j]] = jacobian[:, [j, i]]
     held = np.r_[bound, np.zeros(fit.c.size, dtype=bool)]
-    try:
-        free = newey_west(*_in_blocks(jacobian[:, ~held], fit.residual))
-        matrix = np.full((held.size, held.size), np.nan)
-        matrix[np.ix_(~held, ~held)] = free.matrix
-        covariance = Covariance(matrix, free.dof, free.method)
-    except np.linalg.LinAlgError:
-        covariance = Covariance(np.full((held.size, held.size), np.nan), 1.0, "singular")
+    matrix = np.full((held.size, held.size), np.nan)
+    plain, _ = covariance_of(jacobian[:, ~held])
+    free = widened(plain * fit.chi2 / max(fit.dof, 1), fit.residual)
+    matrix[np.ix_(~held, ~held)] = free.matrix
+    covariance = Covariance(matrix, free.dof, free.method)
     everything = np.ones(problem.record.time.size, dtype=bool)
-    whole = Problem(problem.record, problem.lags, Rows.all_of(problem.record, everything))
+    whole = Problem(problem.record, problem.lags, Rows.all_of(problem.record, everything), problem.drift)
     model = whole.columns(q)[0] @ fit.c
     return LagFit(
         problem.record,
@@ -334,4 +386,6 @@ def _result(problem: Problem, fit: SeparableFit, kept: np.ndarray) -> LagFit:
         kept,
         effective_size(fit.residual, q.size),
         frozenset(name for name, there in zip(problem.names, bound, strict=True) if there),
+        float(fit.c[-1]) if problem.drift else 0.0,
+        {},
     )

@@ -6,6 +6,7 @@ What makes a whole log unusable raises `UnusableError` with the reason. Fitting 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,13 +15,13 @@ from pipeline.errors import counted
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.current_levels import Hold, Staircase, holds_of
 from pipeline.rigs.mre.hold.record import UnusableError
-from pipeline.rigs.mre.hold.repeats import clipped_or_stuck
+from pipeline.rigs.mre.hold.repeats import clipped_or_stuck, lone_spikes
 from pipeline.rigs.mre.step.lags import passes
 
 _LEAST_STEP = 0.15  # of the range of the current
 _FINEST, _MOST_ROWS = 1e-3, 20_000  # s; rows of the force that enter, means of neighbours beyond
 _FEWEST = 30
-_WILD = 8.0  # robust standard deviations
+_LARGEST = 200.0  # A, of any such coil
 DIRECTIONS = ("rise", "fall")
 
 
@@ -81,7 +82,7 @@ def record_of(recording: Recording) -> Record:
         findings.append(QualityFinding(level, message, recording.run, channel))  # type: ignore[arg-type]
 
     begin = min(float(stream.time[0]) for stream in recording.streams.values() if stream.time.size)
-    time, force = _force(recording, begin)
+    time, force = _force(recording, begin, say)
     own, raw = recording.signal("current")
     valid = np.isfinite(raw)
     own, raw = own[valid] - begin, raw[valid]
@@ -93,9 +94,18 @@ def record_of(recording: Recording) -> Record:
             f"the current lies between {low:.4g} and {high:.4g} A throughout: no step, or A taken as mA (factor 1000)",
             "current",
         )
+    if max(abs(low), abs(high)) > _LARGEST:
+        raise UnusableError(
+            f"the current reaches {max(abs(low), abs(high)):.4g} A, which no such coil takes: mA taken as A (factor 1000)?",
+            "current",
+        )
     if -low > 5 * max(high, 0.0):
         say("warning", "current", f"the current is negative (to {low:.4g} A): taken as positive; check its sign.")
         raw = -raw
+    wild = lone_spikes(raw)
+    if wild.any():
+        say("note", "current", f"{counted(int(wild.sum()), 'lone wild sample')} of the current left out.")
+        own, raw = own[~wild], raw[~wild]
     stairs = holds_of(own, raw)
     steps = _steps(own, raw, stairs)
     if not steps:
@@ -103,16 +113,20 @@ def record_of(recording: Recording) -> Record:
             "the current has no step: no two levels held for half a second, one after the other", "current"
         )
     period = float(np.median(np.diff(own)))
-    clean = _without_spikes(own, raw, stairs)
     dt = min(max(period, float(own[-1] - own[0]) / 100_000), _FINEST)
     grid = np.arange(min(own[0], time[0]), max(own[-1], time[-1]) + dt, dt)
-    _refuse_clipped(time, force, stairs)
+    _refuse_clipped(time, force, own, raw, stairs)
+    # What the force does before the first level and after the last is not of any step that was found.
+    inside = (time >= stairs.holds[0].start) & (time <= stairs.holds[-1].stop)
+    time, force = time[inside], force[inside]
     time, force = _thinned(time, force)
-    current = np.interp(grid, own, clean)
+    current = np.interp(grid, own, raw)
     return Record(recording.run, recording, time, force, grid, current, dt, period, steps, stairs, tuple(findings))
 
 
-def _force(recording: Recording, begin: float) -> tuple[np.ndarray, np.ndarray]:
+def _force(
+    recording: Recording, begin: float, say: Callable[[str, str | None, str], None]
+) -> tuple[np.ndarray, np.ndarray]:
     time, F = recording.signal("force_axial")
     valid = np.isfinite(F)
     time, F = time[valid] - begin, F[valid]
@@ -125,7 +139,10 @@ def _force(recording: Recording, begin: float) -> tuple[np.ndarray, np.ndarray]:
             "force_axial is negative, but compression counts positive: mend it in the recipe with 'sign: -1' under 'channels'",
             "force_axial",
         )
-    return time, F
+    wild = lone_spikes(F)
+    if wild.any():
+        say("note", "force_axial", f"{counted(int(wild.sum()), 'lone wild sample')} of force_axial left out.")
+    return time[~wild], F[~wild]
 
 
 def _steps(time: np.ndarray, current: np.ndarray, stairs: Staircase) -> tuple[Step, ...]:
@@ -169,28 +186,19 @@ def _onset(
     return low - (high - low) * floor / 0.2, 0.0, resolved
 
 
-def _without_spikes(time: np.ndarray, current: np.ndarray, stairs: Staircase) -> np.ndarray:
-    """Return the current with lone wild samples within the holds put back to the level."""
-    clean = current.copy()
-    for hold in stairs.holds:
-        inside = (time >= hold.start) & (time < hold.stop)
-        off = np.abs(current - hold.level)
-        wild = inside & (off > max(_WILD * stairs.noise, 0.02))
-        if wild.sum() <= max(0.01 * inside.sum(), 1):
-            clean[wild] = hold.level
-    return clean
-
-
-def _refuse_clipped(time: np.ndarray, force: np.ndarray, stairs: Staircase) -> None:
-    holds = [force[(time >= h.start) & (time < h.stop)] for h in stairs.holds]
-    clipped, stuck = clipped_or_stuck(holds, force)
-    for which, word in ((clipped, "clipped"), (stuck, "stuck")):
-        if which.any():
-            value = float(np.median(holds[int(np.flatnonzero(which)[0])]))
-            raise UnusableError(
-                f"force_axial is {word} at {value:.4g} N while the current is held: its end level, and with it all times, is lost",
-                "force_axial",
-            )
+def _refuse_clipped(
+    time: np.ndarray, force: np.ndarray, own: np.ndarray, current: np.ndarray, stairs: Staircase
+) -> None:
+    for name, unit, t, x in (("force_axial", "N", time, force), ("the current", "A", own, current)):
+        holds = [x[(t >= h.start) & (t < h.stop)] for h in stairs.holds]
+        clipped, stuck = clipped_or_stuck(holds, x)
+        for which, word in ((clipped, "clipped"), (stuck, "stuck")):
+            if which.any():
+                value = float(np.median(holds[int(np.flatnonzero(which)[0])]))
+                raise UnusableError(
+                    f"{name} is {word} at {value:.4g} {unit} while a level is held: what it did then, and with it all times, is lost",
+                    "force_axial" if unit == "N" else "current",
+                )
 
 
 def _thinned(time: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

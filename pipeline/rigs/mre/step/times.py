@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate, undetermined
+from pipeline.estimation.profile import ProfileInterval
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.rigs.mre.step.lag_fit import LagFit, parts_of
 from pipeline.rigs.mre.step.lags import passes, response
@@ -19,6 +20,8 @@ SHARES = {"t63": 1 - math.exp(-1), "t90": 0.9}
 _WIDEST = 0.4
 # Standard errors by which two time constants must differ to be two numbers.
 _APART = 3.0
+# Steps of the force's converter over its noise that bias levels; what they do to a time constant, relative.
+_COARSE, _BLUR = 1.5, 2.5
 # A change of the current within one sample hides all that is shorter than so many samples.
 _SAMPLES = 2.0
 
@@ -70,7 +73,11 @@ def _of(fit: LagFit, direction: str, force_lag: float) -> list[Estimate]:
     sd = np.sqrt(np.diag(matrix))
     # A change within one sample may have begun anywhere in it, and its shape there is not known.
     shape = step.spread**2 / np.array(taus)
+    steps = coarse(fit)
+    answer = max(abs(fit.gain(largest(fit, direction)[0]) * step.size), 1e-12)
+    sd[0] = math.hypot(sd[0], steps * taus[0] / answer)
     found = [_delay(values[0] - force_lag, math.hypot(sd[0], step.spread), hidden, dof, at)]
+    found[0] = _with_profile(found[0], fit.profiles.get(f"{direction}.L"), -force_lag)
     apart = len(taus) == 1 or (values[1] - values[2]) > _APART * math.sqrt(
         max(matrix[1, 1] + matrix[2, 2] - 2 * matrix[1, 2], 0.0)
     )
@@ -87,7 +94,8 @@ def _of(fit: LagFit, direction: str, force_lag: float) -> list[Estimate]:
         elif taus[number] < hidden:
             found.append(undetermined(name, f"{_hidden(hidden)}; {told_sum}", at))
         else:
-            relative = math.hypot(sd[1 + number], shape[number] / taus[number])
+            blur = _BLUR * steps / answer * taus[0] / taus[number]
+            relative = math.hypot(sd[1 + number], shape[number] / taus[number], blur)
             if relative > _WIDEST:
                 found.append(
                     undetermined(
@@ -97,8 +105,30 @@ def _of(fit: LagFit, direction: str, force_lag: float) -> list[Estimate]:
             else:
                 half = math.exp(t * relative)
                 value = taus[number]
-                found.append(Estimate(name, value, value * relative, (value / half, value * half), at, dof=dof))
+                told = Estimate(name, value, value * relative, (value / half, value * half), at, dof=dof)
+                found.append(_with_profile(told, fit.profiles.get(f"{direction}.ln_tau1"), logarithmic=True))
     return [*found, *_passing(fit, direction, values, matrix, force_lag, at)]
+
+
+def coarse(fit: LagFit) -> float:
+    """Return the standard error of a level of the force for steps of the converter that are larger than the noise, N; 0 otherwise."""
+    levels = np.unique(fit.record.force)
+    step = float(np.median(np.diff(levels))) if levels.size > 1 else 0.0
+    return step / math.sqrt(12) * math.sqrt(2) if step > _COARSE * fit.sigma else 0.0
+
+
+def _with_profile(
+    told: Estimate, profile: ProfileInterval | None, shift: float = 0.0, *, logarithmic: bool = False
+) -> Estimate:
+    """Widen an interval to what a second lag that cannot be told would allow."""
+    if profile is None or told.value is None or told.ci95 is None:
+        return told
+    low, high = (math.exp(v) if logarithmic else v + shift for v in (profile.low, min(profile.high, 700.0)))
+    low, high = min(low, told.ci95[0]), max(high, told.ci95[1])
+    if not math.isfinite(low) or not math.isfinite(high) or (logarithmic and high > 10 * low):
+        return undetermined(told.name, "a second lag that cannot be told from it leaves it open", told.at)
+    reason = "the interval allows for a second lag that is not separable"
+    return Estimate(told.name, told.value, told.std_error, (low, high), told.at, reason, told.dof)
 
 
 def _hidden(hidden: float) -> str:
@@ -132,6 +162,7 @@ def _passing(
     extra = math.ceil(8 * sum(fit.taus(direction)) / record.dt)
     u = np.r_[share[start:stop], np.ones(min(extra, 200_000))]
     time = record.grid[0] + (start + np.arange(u.size)) * record.dt - step.onset
+    answer = max(abs(fit.gain(number) * step.size), 1e-12)
     told = []
     for name, level in SHARES.items():
 
@@ -143,7 +174,8 @@ def _passing(
         if not math.isfinite(value):
             told.append(undetermined(name, "the response does not get that far", at))
             continue
-        sd = math.hypot(_spread(when, values, matrix), step.spread, 0.05 * record.period)
+        later = (when(values, level + 0.02) - when(values, level - 0.02)) / 0.04  # s per share of the change
+        sd = math.hypot(_spread(when, values, matrix), step.spread, 0.05 * record.period, coarse(fit) / answer * later)
         half = t_quantile(fit.covariance.dof) * sd
         if sd > _WIDEST * abs(value):
             told.append(
