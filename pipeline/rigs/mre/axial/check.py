@@ -21,13 +21,15 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
         If it alone leaves nothing to identify.
     """
     try:
+        current = current_of(recording)
+        if not current.steady:
+            raise UnfitError(current.doubt, "current")
         fit = fit_run(recording)
     except UnfitError as error:
         raise InputError(nothing_usable({recording.run: str(error).rstrip(".")}, [recording])) from error
     told = {finding.message for finding in fit.said}
     found = [QualityFinding("warning", doubt, recording.run) for doubt in fit.doubts if doubt not in told]
     found += [QualityFinding("error", reason, recording.run, "force_axial") for reason in fit.rejected]
-    current = current_of(recording)
     if current.doubt:
         found.append(QualityFinding("warning", current.doubt, recording.run, "current"))
     return [*fit.said, *found]

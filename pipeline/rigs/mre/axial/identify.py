@@ -42,6 +42,9 @@ def identify(recordings: Sequence[Recording], settings: AxialSettings, context: 
     quality: list[QualityFinding] = []
     for recording in recordings:
         try:
+            current = current_of(recording)
+            if not current.steady:
+                raise UnfitError(current.doubt, "current")
             fit = fit_run(recording)
         except (UnfitError, InputError) as error:
             reason = str(error).rstrip(".")
@@ -50,7 +53,7 @@ def identify(recordings: Sequence[Recording], settings: AxialSettings, context: 
             quality.append(QualityFinding("error", f"left out: {reason}.", recording.run, channel))
             continue
         fits.append(fit)
-        currents[fit.run] = current_of(recording)
+        currents[fit.run] = current
         quality += _said(fit, currents[fit.run])
     if not fits:
         raise InputError(nothing_usable(left_out, recordings))

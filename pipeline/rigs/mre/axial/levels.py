@@ -28,6 +28,7 @@ class Current:
     value: float | None
     label: float | None
     doubt: str = ""
+    steady: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,7 @@ def current_of(recording: Recording) -> Current:
             measured,
             label,
             f"the coil current changes from {low:.3g} to {high:.3g} A during the run: the loop is of no one current",
+            False,
         )
     if label is not None and abs(measured - label) > max(_APART, 0.1 * abs(label)):
         return Current(

@@ -22,14 +22,16 @@ from pipeline.rigs.mre.axial.motion import Motion
 _RHOS = 61
 # Chi-square by which a turn that stands still must fit better than one that does not.
 _STANDS = 12.0
+# However a residual is coloured, so many samples a parameter it counts for: fewer is a misfit and told as such.
+_LEAST_EFFECTIVE = 5
 
 
 @dataclass(frozen=True, eq=False)
 class LoopData:
     """Samples of one record: time (s) and force (N), shape (n,), and the motion behind the gauge.
 
-    `held` counts no sample where True (standstill in which the force relaxes); `extra` are further linear
-    columns, shape (n, j), such as a drift.
+    `extra` are further linear columns, shape (n, j), such as a drift. `d_read` are the readings (m), used where the
+    motion is not smooth. `start_spread` is how well first contact is known, m; 0 for to within a sample.
     """
 
     time: np.ndarray
@@ -38,6 +40,7 @@ class LoopData:
     extra: np.ndarray
     extra_names: tuple[str, ...] = ()
     d_read: np.ndarray | None = None
+    start_spread: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,7 +291,7 @@ class _Problem:
         fresh = math.sqrt(float(residual @ residual) / max(n - (z.size - k), 1))
         effective = float(n)
         if not whiteness(residual, p + 1 + s).passed:
-            effective = min(effective_size(residual, p + 1 + s), effective)
+            effective = float(np.clip(effective_size(residual, p + 1 + s), min(_LEAST_EFFECTIVE * (p + 1 + s), n), n))
         J = np.array(found.jac)
         J[:n] *= sigma / max(fresh, 1e-12) * math.sqrt(effective / n)
         matrix, _ = covariance_of(J)
@@ -311,7 +314,7 @@ class _Problem:
         first = motion.strokes[0]
         velocity = abs(float(np.diff(first.at(time[:2], motion.split(self.m0)[0]))[0])) / float(time[1] - time[0])
         z = np.insert(start.z, 1, self.turns0[0])
-        before = 0.5 * velocity * float(np.median(np.diff(time)))
+        before = max(0.5 * velocity * float(np.median(np.diff(time))), self.data.start_spread)
         return _Start((0, *start.standing), z, start.cost, start.sigma), before
 
     def _model_at(self, z: np.ndarray, standing: tuple[int, ...]) -> tuple[LoopModel, np.ndarray]:

@@ -202,7 +202,7 @@ def _stroke(direction: float, marks: Marks, start: float, end: float, step: floa
     # Steps and samples beat: marks then miss alike, one after the other, or all by the same share of an interval.
     beat = n / min(max(effective_size(marks.d - V @ c, c.size), 2.0), float(n)) if variance > 0.01 * floor else 1.0
     covariance = max(variance, floor) * beat * np.linalg.inv(V.T @ V)
-    covariance[0, 0] += floor * max(1 - variance / floor, 0.0)
+    covariance[0, 0] += 3 * floor * max(1 - variance / floor, 0.0)
     return Stroke(direction, marks, start, end, t0, scale, c, covariance, missed)
 
 

@@ -148,6 +148,8 @@ def _rho(fit: LoopFit, allowed: np.ndarray, sharp: bool) -> Estimate:
         return estimate("rho", fit.model.rho, sd, dof=fit.covariance.dof, logarithmic=True)
     low, high = fit.rhos[allowed][[0, -1]].tolist()
     length = float(np.abs(np.diff(fit.path.turns)).max())
+    if allowed[-1] and allowed[0]:
+        return undetermined("rho", "any value fits")
     if allowed[-1]:
         return undetermined(
             "rho",

@@ -121,7 +121,8 @@ def _one_sign(samples: Samples, say: Say) -> Samples:
         )
     if correlation < 0.3:
         raise UnfitError(f"force does not follow the displacement (correlation {correlation:.2f})", "force_axial")
-    if abs(float(x.min()) - x[0]) > 2 * abs(float(x.max()) - x[0]) and F.min() - F[0] < -0.5 * np.ptp(F):
+    turned = -float(x.min()) > 2 * float(x.max()) and -float(F.min()) > 2 * float(F.max())
+    if turned and x[0] > 0.5 * x.min():
         message = "displacement and force go below zero together: taken as compression, both with the sign turned."
         say(QualityFinding("warning", message, samples.run))
         return replace(samples, x=-x, F=-F)
@@ -176,7 +177,8 @@ def _without_wild(samples: Samples, say: Say) -> Samples:
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _WILD_WINDOW + 1)
     off = np.abs(F - np.median(windows, axis=1))
     sigma = float(np.median(np.abs(np.diff(F, 2)))) / 0.6745 / math.sqrt(6)
-    wild = off > max(_WILD_SIGMA * sigma, _WILD_SHARE * float(np.ptp(F[off < np.quantile(off, 0.99) + 1e-300])))
+    step = 6 * float(np.median(np.abs(np.diff(F))))
+    wild = off > max(step, _WILD_SIGMA * sigma, _WILD_SHARE * float(np.ptp(F[off < np.quantile(off, 0.99) + 1e-300])))
     if not wild.any() or wild.mean() > 0.05:
         return samples
     at = float(samples.time[np.flatnonzero(wild)[0]])

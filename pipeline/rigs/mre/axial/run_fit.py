@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline.estimation.uncertainty import t_quantile
+from pipeline.estimation.uncertainty import effective_size, t_quantile
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.axial.gauge import finest
 from pipeline.rigs.mre.axial.loop import LoopModel, along_strokes
@@ -21,8 +21,11 @@ _FREE_STEPS, _FREE_SHARE = 3.0, 0.04
 # A drift must improve the misfit by this (chi-square of one unknown, 1 in 10^6) and be this share of the force.
 _DRIFT_SEEN, _DRIFT_SHARE = 24.0, 3e-3
 _OFFSET_SHARE = 0.05
+_SMALL_FORCE = 3.0  # N
 _MISFIT, _MISFIT_REJECTED = 0.02, 0.08
 _RELAXED_SIGMA = 4.0
+_FEW = 40
+_ENERGY_SHARE = 5e-3
 
 
 @dataclass(eq=False)
@@ -70,8 +73,8 @@ def fit_run(recording: Recording) -> RunFit:
     doubts: list[str] = []
     samples = samples_of(recording, said.append)
     doubts += [finding.message for finding in said if finding.level == "warning"]
-    samples, contact = _from_contact(samples)
-    doubts += contact
+    samples, spread, cut = _from_contact(samples)
+    doubts += cut
     motion = _motion(samples)
     release = ""
     if len(motion.strokes) > 1:
@@ -83,6 +86,7 @@ def fit_run(recording: Recording) -> RunFit:
             samples = samples.between(samples.time[0], end)
             motion = _motion(samples)
     data, relaxed = _data(samples, motion)
+    data = replace(data, start_spread=spread)
     doubts += relaxed
     try:
         fit = fit_loop(data)
@@ -103,8 +107,8 @@ def _motion(samples: Samples) -> Motion:
         raise UnfitError(str(error), "displacement_axial") from error
 
 
-def _from_contact(samples: Samples) -> tuple[Samples, list[str]]:
-    """Let the record begin with the first loading, at first contact; say what was cut."""
+def _from_contact(samples: Samples) -> tuple[Samples, float, list[str]]:
+    """Let the record begin with the first loading, at first contact; return how well that is known (m) and what was cut."""
     motion = _motion(samples)
     doubts = []
     first = motion.strokes[0]
@@ -118,8 +122,10 @@ def _from_contact(samples: Samples) -> tuple[Samples, list[str]]:
         motion = _motion(samples)
         first = motion.strokes[0]
     start = samples.x[0]
-    contact = _free_travel(samples, motion)
+    _refuse_loaded_start(samples, motion)
+    contact, spread = _free_travel(samples, motion), 0.0
     if contact > 0:
+        spread = max(motion.step, 0.01 * float(np.ptp(samples.x)))
         place = start + contact
         doubts.append(
             f"the force stays level over the first {1e3 * contact:.3g} mm: the pad is met only there. Displacement counts from this first contact."
@@ -136,7 +142,22 @@ def _from_contact(samples: Samples) -> tuple[Samples, list[str]]:
             f"the gauge stands at {1e3 * start:.4g} mm at the start, not at zero: displacement counts from there. If the pad was already compressed, "
             "secant stiffness and cubic term are those from that state."
         )
-    return samples, doubts
+    return samples, spread, doubts
+
+
+def _refuse_loaded_start(samples: Samples, motion: Motion) -> None:
+    """Refuse a log that begins in the middle of a loading: first contact, where w is 0, is not in it."""
+    start, length = float(samples.x[0]), float(np.ptp(samples.x))
+    level = float(np.median(samples.F[:5]))
+    reached = float(samples.x.max()) - start
+    slope = (float(samples.F.max()) - level) / max(reached, 1e-12)
+    # Where the release comes back below the start, the force there tells the zero; else the load cell's own does.
+    zero = float(samples.F.min()) if samples.x.min() < start - 0.1 * length else 0.0
+    if start > 0.1 * reached + 2 * motion.step and 0.4 < (level - zero) / max(slope * start, 1e-12) < 2.5:
+        raise UnfitError(
+            f"the log begins at {1e3 * start:.3g} mm under {level:.4g} N, in the middle of a loading: loading from first contact is missing",
+            "displacement_axial",
+        )
 
 
 def _free_travel(samples: Samples, motion: Motion) -> float:
@@ -148,7 +169,7 @@ def _free_travel(samples: Samples, motion: Motion) -> float:
     length = float(x.max())
     if F.size < 12:
         return 0.0
-    sigma = float(np.median(np.abs(np.diff(samples.F, 2)))) / 0.6745 / math.sqrt(6)
+    sigma = _noise(samples.F)
     early = x <= max(motion.step, 0.02 * length)
     base = float(np.median(F[early])) if early.any() else float(F[0])
     rise = max(5 * sigma, 0.01 * float(np.ptp(F)))
@@ -163,14 +184,20 @@ def _free_travel(samples: Samples, motion: Motion) -> float:
     proportional = rise / (float(np.ptp(F)) / length)
     if free < max(_FREE_STEPS * motion.step, _FREE_SHARE * length) or free < 4 * proportional:
         return 0.0
-    return max(free - 1.5 * proportional - motion.step, 0.0)
+    # First contact: where a line through the first rise meets the level before.
+    rise_part = (x >= free) & (x <= free + 0.06 * length)
+    if rise_part.sum() < 5:
+        return free - proportional
+    slope, level = np.polyfit(x[rise_part], F[rise_part], 1)
+    meets = (base - level) / slope if slope > 0 else free
+    return float(np.clip(meets, free - 3 * proportional - motion.step, free))
 
 
 def _backlash(samples: Samples, motion: Motion) -> float:
     """Return how far the displacement goes back after the turn before the force falls, m; 0 where it falls at once."""
     down = motion.strokes[1]
     x, F = samples.reading_at_force(), samples.F
-    sigma = float(np.median(np.abs(np.diff(F, 2)))) / 0.6745 / math.sqrt(6)
+    sigma = _noise(F)
     near = x.max() - 0.5 * motion.step - 1e-12
     loaded = (samples.time <= down.start) & (x >= near)
     back = (samples.time >= down.start) & (samples.time <= down.end)
@@ -246,33 +273,13 @@ def _with_drift(fit: LoopFit) -> tuple[LoopFit, list[str]]:
     if len(data.motion.strokes) < 2:
         return fit, []
     t = (data.time - data.time[0]) / max(float(np.ptp(data.time)), 1e-12)
-    A = np.column_stack(
-        [
-            fit.path.d,
-            fit.path.d**3,
-            along_strokes(fit.path.d, fit.path.stroke, fit.path.turns.tolist(), fit.model.rho),
-            np.ones(t.size),
-            data.extra,
-        ]
-    )
-    if (
-        2 * fit.effective * math.log(_rms(A, data.force) / max(_rms(np.column_stack([A, t]), data.force), 1e-12))
-        < _DRIFT_SEEN
-    ):
+    w = along_strokes(fit.path.d, fit.path.stroke, fit.path.turns.tolist(), fit.model.rho)
+    A = np.column_stack([fit.path.d, fit.path.d**3, w, np.ones(t.size), data.extra])
+    if not _improves(_left(A, data.force), _left(np.column_stack([A, t]), data.force)):
         return fit, []
-    tried = fit_loop(
-        LoopData(
-            data.time,
-            data.force,
-            data.motion,
-            np.column_stack([data.extra, t]),
-            (*data.extra_names, "drift"),
-            data.d_read,
-        )
-    )
+    tried = fit_loop(replace(data, extra=np.column_stack([data.extra, t]), extra_names=(*data.extra_names, "drift")))
     drift = float(tried.z[1 + len(tried.standing) + 4 + data.extra.shape[1]])
-    better = fit.effective * math.log(max(fit.sigma, 1e-12) / max(tried.sigma, 1e-12)) * 2
-    if better < _DRIFT_SEEN or abs(drift) < _DRIFT_SHARE * float(np.ptp(data.force)):
+    if not _improves(fit.residual, tried.residual) or abs(drift) < _DRIFT_SHARE * float(np.ptp(data.force)):
         return fit, []
     minutes = float(np.ptp(data.time)) / 60
     return tried, [
@@ -281,10 +288,16 @@ def _with_drift(fit: LoopFit) -> tuple[LoopFit, list[str]]:
     ]
 
 
-def _rms(A: np.ndarray, F: np.ndarray) -> float:
+def _improves(before: np.ndarray, after: np.ndarray) -> bool:
+    """Tell whether one more column improves the misfit beyond chance, the rest's correlation allowed for."""
+    ratio = float(before @ before) / max(float(after @ after), 1e-300)
+    return effective_size(after, 6) * math.log(max(ratio, 1.0)) > _DRIFT_SEEN
+
+
+def _left(A: np.ndarray, F: np.ndarray) -> np.ndarray:
     scaled = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     c, *_ = np.linalg.lstsq(scaled, F, rcond=None)
-    return max(float(np.sqrt(np.mean((F - scaled @ c) ** 2))), 1e-12)
+    return np.asarray(F - scaled @ c)
 
 
 def _judge(found: RunFit) -> None:
@@ -297,40 +310,67 @@ def _judge(found: RunFit) -> None:
             if fit.data.motion.step
             else "the press did not move smoothly: readings are used as they are."
         )
-    alpha, stiffness = numbers["alpha"], numbers["stiffness"]
-    if alpha.value is not None and alpha.ci95 is not None and alpha.ci95[1] < 0:
+    stiffness = numbers["stiffness"]
+    below = _release_below(fit)
+    if below < -max(_ENERGY_SHARE * span, 4 * _noise(fit.data.force) / math.sqrt(max(fit.n / 4, 1))):
         found.rejected.append(
-            f"the release lies above the loading (alpha = {alpha.value:.3g} N): the pad would give energy. Force late, channels exchanged, or a wrong order of samples."
+            f"the release lies above the loading, by {-below:.3g} N on average: the pad would give energy. Force late, channels exchanged, or samples in the wrong order."
         )
     if stiffness.value is not None and stiffness.value <= 0:
         found.rejected.append(
             f"the stiffness comes out as {stiffness.value:.3g} N/m: the loop is none of an elastic pad."
+        )
+    if span < _SMALL_FORCE:
+        found.doubts.append(
+            f"the force changes by {span:.3g} N only: is it kN taken as N? All stiffnesses would be off by that factor."
         )
     if abs(fit.offset) > _OFFSET_SHARE * span:
         found.doubts.append(
             f"the force at zero displacement is {fit.offset:.3g} N, {100 * abs(fit.offset) / span:.0f} % of its range: the load cell's zero, or a pad that was loaded "
             "before. It is taken off; if it is a preload, secant stiffness and cubic term are those from that state, and the memory of the loop did not start at zero."
         )
-    if found.nrmse > _MISFIT_REJECTED:
+    misfit = _misfit(fit)
+    if misfit > _MISFIT_REJECTED:
         found.rejected.append(
-            f"the loop model misses the force by {100 * found.nrmse:.2g} % (rms): it does not describe this loop."
+            f"the loop model misses the force by {100 * misfit:.2g} % (rms): it does not describe this loop."
         )
-    elif found.nrmse > _MISFIT:
+    elif misfit > _MISFIT:
         found.doubts.append(
-            f"the loop model misses the force by {100 * found.nrmse:.2g} % (rms), more than sensors do."
+            f"the loop model misses the force by {100 * misfit:.2g} % (rms), more than sensors do: its numbers may be off by more than their intervals."
         )
     elif fit.effective < 0.3 * fit.n and _systematic(fit):
         found.doubts.append(
-            f"the residual is no noise ({fit.n} samples count as {fit.effective:.0f}): the loop differs from the model by {fit.sigma:.2g} N (rms); errors allow for it."
+            f"the residual is no noise ({fit.n} samples count as {fit.effective:.0f}): the loop differs from the model by {fit.sigma:.2g} N (rms), so that its numbers may be off by more than their intervals."
         )
-    if fit.dof < 10:
+    if fit.n < _FEW:
         found.doubts.append(f"only {fit.n} samples: intervals are wide.")
+
+
+def _release_below(fit: LoopFit) -> float:
+    """Return by how much the first release lies below the loading before it, on average over both, N; 0 without one."""
+    up, down = (fit.path.stroke == i for i in (0, 1))
+    if up.sum() < 4 or down.sum() < 4:
+        return 0.0
+    d, F = fit.path.d, fit.data.force
+    grid = np.linspace(max(d[up].min(), d[down].min()), min(d[up].max(), d[down].max()), 200)
+    loading, release = (np.interp(grid, d[part][order], F[part][order]) for part in (up, down) for order in [np.argsort(d[part], kind="stable")])  # fmt: skip
+    return float(np.mean(loading - release))
+
+
+def _noise(F: np.ndarray) -> float:
+    """Return the noise of a slow force from sample to sample, N."""
+    return float(np.median(np.abs(np.diff(F, 2)))) / 0.6745 / math.sqrt(6)
+
+
+def _misfit(fit: LoopFit) -> float:
+    """Return the residual beyond the noise from sample to sample, over the rms of the force about its mean."""
+    beyond = math.sqrt(max(fit.sigma**2 - (1.2 * _noise(fit.data.force)) ** 2, 0.0))
+    return beyond / max(float(np.std(fit.data.force)), 1e-300)
 
 
 def _systematic(fit: LoopFit) -> bool:
     """Tell whether the residual is larger than the noise from sample to sample."""
-    noise = float(np.median(np.abs(np.diff(fit.data.force, 2)))) / 0.6745 / math.sqrt(6)
-    return fit.sigma > 1.3 * noise
+    return fit.sigma > 1.3 * _noise(fit.data.force)
 
 
 def curves_of(found: RunFit, points: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

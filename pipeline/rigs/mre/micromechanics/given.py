@@ -115,7 +115,7 @@ def flux_of(findings: Findings) -> Flux | None:
     return Flux(
         np.array([0.0, reach]),
         np.array([0.0, reach * slope]),
-        f"assumed to be {slope:g} T per ampere (condition flux_per_current); it was not measured",
+        f"assumed to be {slope:.4g} T per ampere (condition flux_per_current); it was not measured",
     )
 
 

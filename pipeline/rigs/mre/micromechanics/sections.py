@@ -104,7 +104,7 @@ def _introduction(findings: Findings, compound: Compound, flux: Flux | None) -> 
         text += f" With Poisson's ratio {nu:g}, E = {young_modulus(G, nu) / 1e6:.3g} MPa."
     text += (
         " The field adds G_m: dipoles in line, their chain sheared (eqs 2 to 5). Two forms of the lattice are shown: chains whose "
-        f"particles keep their distance whatever the fraction (fixed gap, {compound.gap_ratio:g} diameters, eq. 4; the better picture of a cured "
+        f"particles keep their distance whatever the fraction (fixed gap, centres {compound.gap_ratio:g} particle diameters apart, eq. 4; the better picture of a cured "
         "chain), and a simple cubic lattice (eq. 8); and particles without (N = 0, the paper's) and with the demagnetising field of a sphere (N = 1/3)."
     )
     said = [text]
@@ -128,7 +128,7 @@ def _over_flux(compound: Compound, flux: Flux | None, measured: Sequence[Increme
     placed = [(flux.at(one.current), one) for one in measured] if flux is not None else []
     placed = [(at, one) for at, one in placed if math.isfinite(at)]
     most = max([0.8, *(1.15 * at for at, _ in placed)])
-    B = np.r_[0.0, np.geomspace(1e-4, most, 240)]
+    B = np.unique(np.r_[0.0, np.geomspace(1e-4, most, 120), np.linspace(0.0, most, 160)])
     marks: list[Mark] = [
         Line(B, _predicted(compound, B, lattice, n), k, _form(lattice, n), dashed=n == 0.0)
         for k, (lattice, n) in enumerate(_FORMS)
