@@ -1,0 +1,1 @@
+"""The synthetic tire, whose truth is known."""
