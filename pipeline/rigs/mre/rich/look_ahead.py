@@ -88,7 +88,7 @@ class LookAhead:
             if sum(part.shape[1] for part in self._waiting) < _RATE_FROM:
                 return Steps.none()
             block = np.concatenate(self._waiting, axis=1)
-            self._design(block[0])
+            self._design(block[0, :_RATE_FROM])
         parts = [self._continued(block[:, i : i + _PIECE]) for i in range(0, block.shape[1], _PIECE)]
         return Steps.joined([part for part in parts if part.time.size] or [Steps.none(self.pieces)])
 
