@@ -68,7 +68,7 @@ def holds_of(time: np.ndarray, current: np.ndarray, window: float = _WINDOW) -> 
     >>> t = np.arange(0, 30, 0.1)
     >>> noise = 0.01 * np.random.default_rng(1).standard_normal(t.size)
     >>> found = holds_of(t, np.floor(t / 10) * 0.5 + noise)
-    >>> [round(hold.level, 1) for hold in found.holds]
+    >>> [abs(round(hold.level, 1)) for hold in found.holds]
     [0.0, 0.5, 1.0]
     """
     valid = np.isfinite(current)
@@ -102,7 +102,7 @@ def finest_holds_of(time: np.ndarray, current: np.ndarray) -> Staircase:
     A noisy current, or small steps, need more samples before and after a change; short holds need fewer.
     """
     found = [holds_of(time, current, window) for window in _WINDOWS]
-    return max(found, key=lambda stairs: levels_told(stairs.holds))
+    return max(found, key=lambda stairs: (levels_told(stairs.holds), len(stairs.holds)))
 
 
 def levels_told(holds: Sequence[Hold]) -> int:

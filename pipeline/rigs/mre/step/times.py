@@ -128,7 +128,8 @@ def _with_profile(
     if not math.isfinite(low) or not math.isfinite(high) or (logarithmic and high > 10 * low):
         return undetermined(told.name, "a second lag that cannot be told from it leaves it open", told.at)
     reason = "the interval allows for a second lag that is not separable"
-    return Estimate(told.name, told.value, told.std_error, (low, high), told.at, reason, told.dof)
+    error = max((high - low) / 4, told.std_error or 0.0)
+    return Estimate(told.name, told.value, error, (low, high), told.at, reason, told.dof)
 
 
 def _hidden(hidden: float) -> str:
