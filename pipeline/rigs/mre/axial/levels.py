@@ -107,11 +107,18 @@ def _called(mean: float, currents: Sequence[Current]) -> float:
     return min(near, key=lambda label: abs(label - mean)) if near else mean
 
 
-def _scatter(groups: Sequence[Sequence[RunFit]], name: str) -> tuple[float, int]:
-    """Return the relative scatter from run to run beyond the runs' own errors, and its degrees of freedom.
-
-    Runs of one current are compared with their mean, all currents together; 0 where the errors explain it.
+@dataclass(frozen=True)
+class _Scatter:
+    """How runs of one current differ, all currents together: relative variance `total`, that which the runs' own
+    errors explain (`own`), and degrees of freedom.
     """
+
+    total: float = 0.0
+    own: float = 0.0
+    dof: int = 0
+
+
+def _scatter(groups: Sequence[Sequence[RunFit]], name: str) -> _Scatter:
     squares, expected, dof = 0.0, 0.0, 0
     for members in groups:
         found = [e for e in (fit.numbers.estimates[name] for fit in members) if e.value is not None]
@@ -123,37 +130,40 @@ def _scatter(groups: Sequence[Sequence[RunFit]], name: str) -> tuple[float, int]
         squares += float(((value / mean - 1) ** 2).sum())
         expected += float(((own / mean) ** 2).mean()) * (len(found) - 1)
         dof += len(found) - 1
-    if dof == 0 or squares <= expected * (1 + 2 * math.sqrt(2 / dof)):
-        return 0.0, dof
-    return math.sqrt(squares / dof - expected / dof), dof
+    return _Scatter(squares / dof, expected / dof, dof) if dof else _Scatter()
 
 
-def _level(at: OperatingPoint, members: Sequence[RunFit], scatters: Mapping[str, tuple[float, int]]) -> Level:
-    numbers = {name: _together(name, members, at, *scatters[name]) for name in NAMES}
+def _level(at: OperatingPoint, members: Sequence[RunFit], scatters: Mapping[str, _Scatter]) -> Level:
+    numbers = {name: _together(name, members, at, scatters[name]) for name in NAMES}
     secants = [e.value for e in (fit.numbers.estimates["stiffness_secant"] for fit in members) if e.value is not None]
     scatter = float(np.std(secants, ddof=1) / np.mean(secants)) if len(secants) > 1 else None
     return Level(at, tuple(members), numbers, scatter)
 
 
-def _together(name: str, members: Sequence[RunFit], at: OperatingPoint, scatter: float, dof: int) -> Estimate:
-    """Return the mean of the runs; its error holds the scatter from run to run where there is one."""
+def _together(name: str, members: Sequence[RunFit], at: OperatingPoint, scatter: _Scatter) -> Estimate:
+    """Return the mean of the runs; where they differ by more than their own errors, its error is that of their scatter.
+
+    Student's t then has the degrees of freedom of the scatter. Runs that happen to agree better than their errors
+    do not make these smaller.
+    """
     all_ = [fit.numbers.estimates[name] for fit in members]
     found = [e for e in all_ if e.value is not None]
     if not found:
         reasons = list(dict.fromkeys(e.reason for e in all_))
         return undetermined(name, "; ".join(reasons), at)
-    if len(found) == 1 and not scatter:
+    value = float(np.mean([e.value for e in found if e.value is not None]))
+    own = float(np.mean([((e.std_error or 0.0) / value) ** 2 for e in found])) if value else 0.0
+    more = max(scatter.total - scatter.own, 0.0)
+    total = max(scatter.total, own) if len(found) > 1 else own + more
+    if len(found) == 1 and not more:
         e = found[0]
         return Estimate(name, e.value, e.std_error, e.ci95, dict(at), e.reason, e.dof)
-    value = float(np.mean([e.value for e in found if e.value is not None]))
-    own = math.sqrt(sum((e.std_error or 0.0) ** 2 for e in found)) / len(found)
-    between = scatter * abs(value) / math.sqrt(len(found))
-    total = math.hypot(own, between)
-    freedom = min(e.dof for e in found) if not scatter else total**4 / max(between**4 / dof, 1e-300)
+    scattered = total > own
     told = f"mean of {len(found)} runs" if len(found) > 1 else "one run"
-    if scatter:
-        told += f"; the error holds {100 * scatter:.2g} % scatter from run to run"
-    return estimate(name, value, total, dof=freedom, at=at, reason=told)
+    if scattered:
+        told += f"; the error holds {100 * math.sqrt(max(more, total - own)):.2g} % scatter from run to run"
+    dof = min(e.dof for e in found) if not scattered else float(scatter.dof)
+    return estimate(name, value, abs(value) * math.sqrt(total / len(found)), dof=dof, at=at, reason=told)
 
 
 def stiffening(levels: Sequence[Level]) -> list[Estimate]:

@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.estimation.uncertainty import propagate, t_quantile
 from pipeline.rigs.mre.axial.loop import LoopModel, loss_ratio, secant, slope, unloading_drop
-from pipeline.rigs.mre.axial.loop_fit import LoopFit, within
+from pipeline.rigs.mre.axial.loop_data import LoopFit, within
 
 MODEL = ("stiffness", "stiffness_cubic", "alpha", "rho")
 SHAPE = ("stiffness_secant", "stiffness_slope", "loss_ratio", "unloading_drop")

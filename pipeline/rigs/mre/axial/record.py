@@ -96,6 +96,11 @@ def samples_of(recording: Recording, say: Say) -> Samples:
     return _without_flat_top(samples, say)
 
 
+def noise_of(F: np.ndarray) -> float:
+    """Return the noise of a slow force from sample to sample, N."""
+    return float(np.median(np.abs(np.diff(F, 2)))) / 0.6745 / math.sqrt(6)
+
+
 def pads_of(recording: Recording) -> Pads | None:
     """Return the pads where their size is given; one unless `n_pads` says otherwise."""
     size = [recording.conditions.get(name) for name in ("pad_diameter", "pad_height")]

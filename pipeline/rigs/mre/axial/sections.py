@@ -189,6 +189,8 @@ def _over_current(findings: Findings) -> Figure | None:
                 x = np.array([_current(p) for p in found], dtype=float)
                 value = np.array([p.value for p in found], dtype=float)
                 low, high = np.array([p.ci95 or (np.nan, np.nan) for p in found], dtype=float).T
+                if name.startswith("stiffening"):  # none at 0 A, by definition
+                    x, value, low, high = (np.r_[0.0, part] for part in (x, value, low, high))
                 marks.append(Points(x, value, number, label, low, high))
         if marks:
             panels.append(Panel(marks, Axis("coil current", "A"), axis, axis.label))
