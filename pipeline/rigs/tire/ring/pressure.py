@@ -42,7 +42,7 @@ def pressed_shape(
     *,
     mu: float = 0.0,
     lam: float = 0.0,
-    n_max: int = 200,
+    n_max: int = 400,
     speed: float = 0.0,
 ) -> Shape:
     """Return the curvature k of a ring under parabolic pressure, 1/m, n = 0..n_max (T1-T5).
