@@ -1,0 +1,71 @@
+"""Channels and conditions of the tire rig, which bench and road share (tire.md, sections 1 and 11)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Range
+
+_CODE = "code of the analogue-digital converter"
+_CHANNELS = (
+    ChannelSpec("sample_index", "1", "number of the sample since the microcontroller began"),
+    ChannelSpec("packet_counter", "1", "number of the radio packet, counted modulo 2^counter_bits"),
+    ChannelSpec("flex_code", "1", f"flex sensor, {_CODE}", limit=2.0**24),
+    ChannelSpec("flex_voltage", "V", "flex sensor, voltage of the divider's lower leg", limit=30.0),
+    ChannelSpec("pvdf_code", "1", f"PVDF film, {_CODE}", limit=2.0**24),
+    ChannelSpec("pvdf_voltage", "V", "PVDF film, voltage of its readout", limit=30.0),
+    ChannelSpec("vertical_load", "N", "load on the tire, + presses it on the road (bench: load cell)", limit=5e4),
+    ChannelSpec("road_speed", "m/s", "surface speed of drum or belt", limit=100.0),
+    ChannelSpec("vehicle_speed", "m/s", "speed of the car over ground", limit=100.0),
+    ChannelSpec("longitudinal_force", "N", "force of the road on the tire, + drives the car forward", limit=5e4),
+    ChannelSpec("longitudinal_acceleration", "m/s^2", "acceleration of the car, + forward", limit=50.0),
+    ChannelSpec("lateral_acceleration", "m/s^2", "acceleration of the car, + to the left", limit=50.0),
+    ChannelSpec("steering_angle", "rad", "steering angle, + to the left", limit=20.0),
+    ChannelSpec("hub_height", "m", "height of the hub over the road: the loaded radius", limit=1.0),
+    ChannelSpec("wheel_index", "1", "pulse of the rim once a revolution, 0 or 1", limit=10.0),
+    ChannelSpec("battery_voltage", "V", "voltage of the transmitter's battery", limit=30.0),
+    ChannelSpec("supply_current", "A", "current of the transmitter", limit=10.0),
+)
+
+_POSITIVE = Range(0.0, above=True)
+_SHARE = Range(0.0, 0.5)
+CONDITIONS = (
+    ConditionSpec("nominal_load", "N", "load as set; by default the mean of vertical_load", range=Range(0.0)),
+    ConditionSpec("nominal_speed", "m/s", "speed as set; by default the mean of the measured one", range=Range(0.0)),
+    ConditionSpec("inflation_pressure", "Pa", "inflation pressure over the atmosphere, p0", range=_POSITIVE),
+    ConditionSpec("tire_size", "", "as on the side wall, for example 245/40R18"),
+    ConditionSpec("belt_width", "m", "width b of the belt, a first guess", range=_POSITIVE),
+    ConditionSpec("sensor_length_flex", "m", "length Ls of the flex sensor", range=_POSITIVE),
+    ConditionSpec("sensor_length_pvdf", "m", "length L_p of the PVDF film", range=_POSITIVE),
+    ConditionSpec("supply_voltage", "V", "supply VIN of the divider", default=3.3, range=_POSITIVE),
+    ConditionSpec("divider_resistance", "ohm", "fixed resistor R1 of the divider", default=1e4, range=_POSITIVE),
+    ConditionSpec("adc_reference", "V", "voltage of the converter's full scale", default=3.3, range=_POSITIVE),
+    ConditionSpec("adc_bits", "1", "bits of the converter", default=12.0, range=Range(4, 24, whole=True)),
+    ConditionSpec("sample_rate", "Hz", "samples per second of the microcontroller", default=12e3, range=_POSITIVE),
+    ConditionSpec("frames_per_packet", "1", "samples in one radio packet", default=10.0, range=Range(1, whole=True)),
+    ConditionSpec("counter_bits", "1", "bits of the packet counter", default=16.0, range=Range(1, 64, whole=True)),
+    ConditionSpec("flex_polarity", "1", "+1 where flattening raises the voltage, -1 where it lowers it", range=Range(-1, 1)),
+    ConditionSpec("sensor_resistance", "ohm", "R0 of the mounted sensor on the free tire", range=_POSITIVE),
+    ConditionSpec("liner_temperature", "K", "temperature of the inner liner", range=_POSITIVE),
+    ConditionSpec("moving_mass", "kg", "mass of beam and axle on the bench's guides", range=Range(0.0)),
+    ConditionSpec("gated", "", "true where the transmitter sleeps while the signal is at its reference"),
+    ConditionSpec("bench_or_road", "", "bench or road"),
+    ConditionSpec("time_base", "s", "time for which a stated charge lasts", range=_POSITIVE),
+    ConditionSpec("load_gain_u", "1", "relative standard uncertainty of the load cell's gain (type B)", range=_SHARE),
+    ConditionSpec("pressure_u", "1", "relative standard uncertainty of the inflation pressure (type B)", range=_SHARE),
+    ConditionSpec("sensor_length_u", "1", "relative standard uncertainty of sensor_length_flex (type B)", range=_SHARE),
+    ConditionSpec("remark", "", "free text"),
+)  # fmt: skip
+
+# What parameters of these experiments are told at, besides conditions.
+OPERATING = (
+    ConditionSpec("load", "N", "load on the tire, as set"),
+    ConditionSpec("speed", "m/s", "rolling speed, as set"),
+    ConditionSpec("event", "1", "number of the event in its run, from 0"),
+    ConditionSpec("kind", "", "vertical or longitudinal"),
+)
+
+
+def channels(*required: str) -> tuple[ChannelSpec, ...]:
+    """Return the channels of the rig with those in `required` required, the others optional."""
+    return tuple(replace(spec, required=spec.name in required) for spec in _CHANNELS)
