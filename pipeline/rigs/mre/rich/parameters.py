@@ -88,6 +88,7 @@ def models_of(fits: Sequence[RichFit]) -> list[ModelResult]:
                 n_parameters=batch.n_parameters,
                 n_data=batch.n_data,
                 rms_residual=batch.rms_residual,
+                unit="N",
                 nrmse=batch.nrmse,
                 aicc=batch.aicc,
                 bic=batch.bic,
@@ -106,6 +107,7 @@ def models_of(fits: Sequence[RichFit]) -> list[ModelResult]:
                     n_parameters=fit.online.filter.x.size - 2,
                     n_data=fit.online.history.step_time.size,
                     rms_residual=innovation,
+                    unit="N",
                     nrmse=innovation / spread if math.isfinite(innovation) and spread > 0 else None,
                     description=f"joint unscented Kalman filter, {fit.verdict.word}; its residual are the one-step predictions "
                     "of the second half",

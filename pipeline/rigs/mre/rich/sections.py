@@ -295,8 +295,8 @@ def _checks(findings: Findings) -> list[Table]:
         Table(
             "residual_checks",
             "Tests of what is left",
-            "p below 0.01 says that something is left besides white noise, the last column how much. Intervals of the batch fit allow for "
-            "its colour; those of the filter do not.",
+            "p below 0.01 says that something is left besides white noise, the last column how much: the low-pass against aliasing ties neighbours "
+            "together, and so do the displacement's noise and hum. Intervals of the batch fit allow for the colour; those of the filter do not.",
             [Column("of"), Column("test"), Column("p"), Column("result")],
             rows,
         )

@@ -64,9 +64,10 @@ def of_online(findings: Findings, titles: dict[str, str]) -> list[Figure | Table
     blocks.append(
         Text(
             [
-                "The findings report the batch fit. The filter is for tracking: its own standard deviation is not to be trusted, "
-                "being several times too large at the end of a good run, where R is held at four times the noise, and far too small in one that has "
-                "diverged. So it is judged by its innovations, by whether parameters still move, and by the batch fit beside it."
+                "The findings report the batch fit. The filter is for tracking, and its own standard deviation is not to be trusted: "
+                "several times too large where R is held at four times the noise, too small for what it learned early from wrong "
+                "parameters, and far too small where it has diverged. So it is judged by its innovations, by whether parameters still "
+                "move, and by the batch fit beside it."
             ]
         )
     )
