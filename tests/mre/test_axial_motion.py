@@ -80,3 +80,28 @@ def test_stop_and_go_is_no_smooth_motion() -> None:
 def test_no_motion_is_refused() -> None:
     with pytest.raises(ValueError, match="does not move"):
         motion_of(np.arange(50.0), np.zeros(50))
+
+
+def test_force_read_at_the_marks_of_the_gauge_needs_no_law_in_time() -> None:
+    from axial_logs import found
+
+    from pipeline.recording import Channel, Recording, Stream
+    from pipeline.rigs.mre.axial.loop import along_strokes
+    from pipeline.rigs.mre.axial.synthetic import AxialTruth
+
+    rng = np.random.default_rng(3)
+    up = np.arange(0, 6e-4 + 1e-9, 5e-5)
+    d = np.concatenate([up, up[-2::-1]])
+    stroke = np.repeat([0, 1], [up.size, up.size - 1])
+    model = AxialTruth().model_at(0.0)
+    F = model.force(d, along_strokes(d, stroke, [0, 6e-4, 0], model.rho)) + rng.normal(0, 1, d.size)
+    time = np.cumsum(rng.uniform(3, 12, d.size))
+    channels = {
+        "displacement_axial": Channel("displacement_axial", d, "m"),
+        "force_axial": Channel("force_axial", F, "N"),
+    }
+    campaign = found(Recording("hand", {"": Stream("", time, channels)}, {"coil_current": 0.0}))
+    for name, true in (("stiffness_secant", 510.12e3), ("stiffness_slope", 470.8e3), ("alpha", 24.0)):
+        p = campaign.one(name, coil_current=0.0)
+        assert p.value == pytest.approx(true, rel=0.05)
+        assert abs((p.value or 0) - true) < 4 * (p.std_error or 0)

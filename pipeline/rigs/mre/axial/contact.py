@@ -85,14 +85,14 @@ def _free_travel(samples: Samples, motion: Motion) -> float:
     sigma = noise_of(samples.F)
     early = x <= max(motion.step, 0.02 * length)
     base = float(np.median(F[early])) if early.any() else float(F[0])
-    rise = max(5 * sigma, 0.01 * float(np.ptp(F)))
+    rise = max(min(5 * sigma, 0.03 * float(np.ptp(F))), 0.01 * float(np.ptp(F)))
     risen = rise < F - base
     # The first of those that stay risen.
     below = np.flatnonzero(~risen)
     at = int(below[-1]) + 1 if below.size else 0
-    if at >= x.size:
+    if not 3 <= at < x.size:
         return 0.0
-    free = float(x[at])
+    free = float(x[at - 1])
     # A force that rises from the start in proportion is this high there already.
     proportional = rise / (float(np.ptp(F)) / length)
     if free < max(_FREE_STEPS * motion.step, _FREE_SHARE * length) or free < 4 * proportional:

@@ -185,6 +185,7 @@ def stiffening(levels: Sequence[Level]) -> list[Estimate]:
             ratio = with_.value / without.value
             parts = [(e.std_error or 0.0) / abs(e.value or 1.0) for e in (with_, without)]
             relative = math.hypot(*parts)
-            freedom = relative**4 / max(sum(p**4 / e.dof for p, e in zip(parts, (with_, without), strict=True)), 1e-300)
+            # Not Welch's: where runs scatter, both errors rest on the same estimate of it.
+            freedom = min(with_.dof, without.dof)
             found.append(estimate(name, ratio - 1, ratio * relative, dof=freedom, at=at))
     return found

@@ -192,7 +192,7 @@ class _Problem:
             for j in (*range(linear.start), *range(linear.stop, y.size)):
                 step = np.zeros(y.size)
                 step[j] = 1e-3
-                J[:, j] = (rows(y + step) - rows(y - step)) / 2e-3
+                J[:, j] = (rows(y + step) - at) / 1e-3
             return J
 
         low, high = np.full(start.z.size, -np.inf), np.full(start.z.size, np.inf)

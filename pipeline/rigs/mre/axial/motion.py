@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ _MISSED = 0.15
 # A stroke counts if it is at least this share of the range, and this many steps.
 LEAST_STROKE, _LEAST_STEPS = 0.05, 2.5
 _FEWEST_MARKS = 4
+_EXACT = 1e-6
 # Marks that miss by no more than this times what the sample interval allows ask for nothing more.
 _AS_EXPECTED = 1.25
 
@@ -199,10 +200,13 @@ def _stroke(direction: float, marks: Marks, start: float, end: float, step: floa
     if not marks.regular or missed > max(_MISSED * step, 3 * marks.spread):
         return Stroke(direction, marks, start, end, t0, scale, None, None, missed)
     floor = marks.spread**2
-    # Steps and samples beat: marks then miss alike, one after the other, or all by the same share of an interval.
+    # Steps and samples beat: marks then miss alike, one after the other, or all by the same share of an interval; the
+    # rate may then be off by up to an interval over the stroke, and the stroke as a whole by as much.
     beat = n / min(max(effective_size(marks.d - V @ c, c.size), 2.0), float(n)) if variance > 0.01 * floor else 1.0
     covariance = max(variance, floor) * beat * np.linalg.inv(V.T @ V)
-    covariance[0, 0] += 3 * floor * max(1 - variance / floor, 0.0)
+    alike = max(1 - variance / floor, 0.0)
+    covariance[0, 0] += 3 * floor * alike
+    covariance[1, 1] += 0.5 * floor * alike
     return Stroke(direction, marks, start, end, t0, scale, c, covariance, missed)
 
 
@@ -224,6 +228,14 @@ def _crossing(s: Stroke, a: np.ndarray, n: Stroke, b: np.ndarray) -> float:
     if not excess(low) < 0 < excess(high):
         return 0.5 * (low + high)
     return float(brentq(excess, low, high, xtol=1e-7))
+
+
+def as_read(motion: Motion, x: np.ndarray) -> Motion:
+    """Return the same strokes with the readings `x` (m) taken as exact, not as samples of a smooth motion."""
+    strokes = tuple(replace(s, coefficients=None, covariance=None) for s in motion.strokes)
+    turns = 0.5 * (motion.lowest + motion.highest)
+    least = max(_EXACT * float(np.ptp(x)), 1e-12)
+    return replace(motion, strokes=strokes, lowest=turns - least, highest=turns + least)
 
 
 def rates(motion: Motion) -> Sequence[float]:

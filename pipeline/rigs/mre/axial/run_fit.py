@@ -13,10 +13,10 @@ from pipeline.rigs.mre.axial.contact import backlash, from_contact, moved
 from pipeline.rigs.mre.axial.loop import LoopModel, along_strokes
 from pipeline.rigs.mre.axial.loop_data import LoopFit
 from pipeline.rigs.mre.axial.loop_fit import fit_loop
-from pipeline.rigs.mre.axial.motion import rates
+from pipeline.rigs.mre.axial.motion import as_read, rates
 from pipeline.rigs.mre.axial.numbers import Numbers, d_max_of, numbers_of
 from pipeline.rigs.mre.axial.record import Samples, UnfitError, noise_of, samples_of
-from pipeline.rigs.mre.axial.standstill import fitted_data
+from pipeline.rigs.mre.axial.standstill import fitted_data, thinned
 
 # A drift must improve the misfit by this (chi-square of one unknown, 1 in 10^6) and be this share of the force.
 _DRIFT_SEEN, _DRIFT_SHARE = 24.0, 3e-3
@@ -24,6 +24,7 @@ _OFFSET_SHARE = 0.05
 _SMALL_FORCE = 3.0  # N
 _MISFIT, _MISFIT_REJECTED = 0.02, 0.08
 _FEW = 40
+_BETTER = 0.9
 _ENERGY_SHARE = 5e-3
 
 
@@ -84,11 +85,13 @@ def fit_run(recording: Recording) -> RunFit:
             end = motion.strokes[0].end
             samples = samples.between(samples.time[0], end)
             motion = moved(samples)
-    data, relaxed = fitted_data(samples, motion)
+    data, relaxed = fitted_data(thinned(samples, len(motion.strokes)), motion)
     data = replace(data, start_spread=spread)
     doubts += relaxed
     try:
         fit = fit_loop(data)
+        if motion.step == 0:
+            fit = _or_as_read(fit)
     except ValueError as error:
         raise UnfitError(str(error)) from error
     fit, drifting = _with_drift(fit)
@@ -97,6 +100,16 @@ def fit_run(recording: Recording) -> RunFit:
     found = RunFit(recording, samples, fit, numbers, [*doubts, *(r for r in numbers.remarks if r != release)], [], said)
     _judge(found)
     return found
+
+
+def _or_as_read(fit: LoopFit) -> LoopFit:
+    """Take fine readings as they are where that fits the force better than a motion that is smooth in time.
+
+    So it is where somebody read the force at marks of the gauge, at moments of no regularity.
+    """
+    assert fit.data.d_read is not None
+    tried = fit_loop(replace(fit.data, motion=as_read(fit.data.motion, fit.data.d_read)))
+    return tried if tried.sigma < _BETTER * fit.sigma else fit
 
 
 def _with_drift(fit: LoopFit) -> tuple[LoopFit, list[str]]:
@@ -136,11 +149,9 @@ def _judge(found: RunFit) -> None:
     """Doubt or reject by what the fit shows."""
     fit, numbers = found.fit, found.numbers.estimates
     span = float(np.ptp(fit.data.force))
-    if not fit.data.motion.smooth:
+    if not fit.data.motion.smooth and fit.data.motion.step:
         found.doubts.append(
             "the press moved neither at a constant nor at a smoothly changing rate: of a coarse gauge only the passages from step to step are used."
-            if fit.data.motion.step
-            else "the press did not move smoothly: readings are used as they are."
         )
     stiffness = numbers["stiffness"]
     below = _release_below(fit)

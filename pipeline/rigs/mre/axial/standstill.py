@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,19 @@ from pipeline.rigs.mre.axial.record import Samples
 
 # A change of the force during a standstill that counts, in standard errors and as a share of its range.
 _RELAXED_SIGMA, _RELAXED_SHARE = 4.0, 2e-3
+
+
+_MOST = 3000  # samples of the force, beyond which they are averaged, and a fifth as many for each stroke
+
+
+def thinned(samples: Samples, strokes: int) -> Samples:
+    """Return the samples with the force averaged over stretches too short to bend."""
+    size = samples.time.size // max(_MOST, _MOST // 5 * strokes)
+    if size < 2:
+        return samples
+    n = samples.time.size // size * size
+    time, F = (values[:n].reshape(-1, size).mean(axis=1) for values in (samples.time, samples.F))
+    return replace(samples, time=time, F=F)
 
 
 def fitted_data(samples: Samples, motion: Motion) -> tuple[LoopData, list[str]]:
