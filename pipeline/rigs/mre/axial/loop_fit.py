@@ -121,8 +121,8 @@ class _Problem:
         finest = self.stroke_length / max(self.data.time.size / len(self.data.motion.strokes), 10)
         return np.geomspace(0.05 / self.stroke_length, 20 / finest, _RHOS)
 
-    def searched(self, standing: tuple[int, ...]) -> _Start:
-        """Search rho, and where the press stood, with the linear unknowns projected out."""
+    def searched(self, standing: tuple[int, ...], log_rho: float | None = None) -> _Start:
+        """Search rho, and where the press stood, with the linear unknowns projected out; from `log_rho` if given."""
         from scipy.optimize import least_squares
 
         F = self.data.force
@@ -140,8 +140,10 @@ class _Problem:
 
         motion_unit = self.stroke_length / 100
         q_places = places / motion_unit
-        costs = [float(np.sum(solved(np.r_[math.log(rho), q_places])[1] ** 2)) for rho in rhos[::3]]
-        start = np.r_[math.log(rhos[::3][int(np.argmin(costs))]), q_places]
+        if log_rho is None:
+            costs = [float(np.sum(solved(np.r_[math.log(rho), q_places])[1] ** 2)) for rho in rhos[::3]]
+            log_rho = math.log(rhos[::3][int(np.argmin(costs))])
+        start = np.r_[log_rho, q_places]
         low = np.r_[math.log(rhos[0]), motion.lowest[list(standing)] / motion_unit - 1e-9]
         high = np.r_[math.log(rhos[-1]), motion.highest[list(standing)] / motion_unit + 1e-9]
         found = least_squares(

@@ -24,6 +24,7 @@ _MISSED = 0.15
 LEAST_STROKE, _LEAST_STEPS = 0.05, 2.5
 _FEWEST_MARKS = 4
 _EXACT = 1e-6
+_BEAT_MEAN = 0.5
 # Marks that miss by no more than this times what the sample interval allows ask for nothing more.
 _AS_EXPECTED = 1.25
 
@@ -204,7 +205,10 @@ def _stroke(direction: float, marks: Marks, start: float, end: float, step: floa
     # rate may then be off by up to an interval over the stroke, and the stroke as a whole by as much.
     beat = n / min(max(effective_size(marks.d - V @ c, c.size), 2.0), float(n)) if variance > 0.01 * floor else 1.0
     covariance = max(variance, floor) * beat * np.linalg.inv(V.T @ V)
-    alike = max(1 - variance / floor, 0.0)
+    # A beat is a sawtooth: it takes the mean along less than the slope.
+    covariance[0] *= _BEAT_MEAN
+    covariance[:, 0] *= _BEAT_MEAN
+    alike = max(1 - 2 * variance / floor, 0.0)
     covariance[0, 0] += 3 * floor * alike
     covariance[1, 1] += 0.5 * floor * alike
     return Stroke(direction, marks, start, end, t0, scale, c, covariance, missed)
