@@ -132,8 +132,7 @@ def two_relaxations(found: Analysed) -> tuple[float, float, float, float] | None
     level = (fit.F0 + fit.values["h"] * fit.effective(fit.rows.current)) * fit.rows.creep_log
     level, y = level[there], fit.rows.creep_force[there]
     within, sd = -float(level @ y) / float(level @ level), fit.creep_sd / math.sqrt(float(level @ level))
-    without = Rows(*(getattr(fit.rows, name) for name in fit.rows.__dataclass_fields__))
-    means = Problem(_no_creep(without), fit.mean_sd, fit.creep_sd, fit.shape)
+    means = Problem(_no_creep(fit.rows), fit.mean_sd, fit.creep_sd, fit.shape)
     start = {name: fit.values[name] for name in ("ln_I_s", "u", "r")}
     free = [name for name in ("ln_I_s", "u", "r") if name in fit.free]
     try:

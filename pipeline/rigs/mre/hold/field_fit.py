@@ -9,7 +9,6 @@ import numpy as np
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.estimation.separable import SeparableFit, covariance_of, fit_separable
-from pipeline.estimation.uncertainty import t_quantile
 from pipeline.rigs.mre.hold.law import LEAST_U, MOST_U, local_slope, saturating, saturation
 from pipeline.rigs.mre.hold.record import Record
 
@@ -199,9 +198,3 @@ def measured_at_zero(record: Record) -> tuple[float | None, float | None, float]
         float(means.mean[after][0]) if after.any() else None,
         largest,
     )
-
-
-def interval(value: float, sd: float, dof: float) -> tuple[float, float]:
-    """Return the 95 % interval."""
-    half = t_quantile(dof) * sd
-    return value - half, value + half

@@ -30,6 +30,7 @@ from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
 CURRENT, FORCE, TIME = Axis("coil current", "A"), Axis("axial force", "N"), Axis("time", "s")
 _WAYS = ((1, "current rising"), (-1, "current falling"))
 _RUNS = 6
+_APART = 0.08  # A between the sweeps in a panel of residuals
 
 
 def sections(findings: Findings) -> Sequence[Section]:
@@ -71,7 +72,7 @@ def _law_figure(state: dict[str, object], own: pd.DataFrame, curve: pd.DataFrame
             off = (part["high"] - part["low"]).to_numpy() / 2
             rest.append(
                 Points(
-                    x,
+                    x + _APART * number,
                     part["residual"].to_numpy(),
                     number,
                     label,
@@ -84,7 +85,7 @@ def _law_figure(state: dict[str, object], own: pd.DataFrame, curve: pd.DataFrame
     return Figure(
         f"law{name.replace(' ', '_')}",
         f"Increment of the force{name}",
-        f"Does the force saturate? {_answer(state)} Means of the holds over F0, relaxation taken out with the fitted r, and the law with its 95 % band; beside it what the law leaves.",
+        f"Does the force saturate? {_answer(state)} Means of the holds over F0, relaxation taken out with the fitted r, and the law with its 95 % band; beside it what the law leaves (the sweeps set apart for reading).",
         "relative increment of the axial force over coil current, both sweep directions and the fitted law; residuals",
         [
             Panel(marks, CURRENT, Axis("increment of the force", "%"), "increment"),
@@ -225,7 +226,7 @@ def _field_figure(findings: Findings, run: str, own: pd.DataFrame, lines: pd.Dat
             marks.append(Points(x, y, number, label, part["low"].to_numpy(), part["high"].to_numpy()))
             half = (part["high"] - part["low"]).to_numpy() / 2
             left = part["residual"].to_numpy()
-            rest.append(Points(x, left, number, label, left - half, left + half))
+            rest.append(Points(x + _APART * number, left, number, label, left - half, left + half))
     remanence = [
         f"{1e3 * p.value:.2g} mT {p.at.get('sweep')}"
         for p in findings.find("remanence")
@@ -235,7 +236,7 @@ def _field_figure(findings: Findings, run: str, own: pd.DataFrame, lines: pd.Dat
     return Figure(
         f"flux{f'_{run}' if several else ''}",
         f"Flux density{f' of run {run}' if several else ''}",
-        f"Where does the field saturate, and what remains of it?{told} Means of the holds and the law on either sweep; beside it what the law leaves.",
+        f"Where does the field saturate, and what remains of it?{told} Means of the holds and the law on either sweep; beside it what the law leaves (the sweeps set apart for reading).",
         "flux density over coil current, both sweep directions, with the law; residuals",
         [
             Panel(marks, CURRENT, Axis("flux density", "T"), "field map"),

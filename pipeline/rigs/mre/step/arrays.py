@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.estimation.estimate import Estimate
-from pipeline.rigs.mre.step.lag_fit import Found, Problem, Rows
+from pipeline.rigs.mre.step.lag_fit import Found
+from pipeline.rigs.mre.step.lag_problem import Problem, Rows
 
 _ROWS = 3000
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.estimation.estimate import Estimate
 from pipeline.estimation.uncertainty import autocovariance, effective_size
+from pipeline.rigs.mre.current_levels import level_name
 from pipeline.rigs.mre.doubts import Doubts
 from pipeline.rigs.mre.step.declaration import StepSettings
 from pipeline.rigs.mre.step.lag_fit import LagFit
@@ -101,7 +102,7 @@ def judge_fit(fit: LagFit, estimates: list[Estimate], settings: StepSettings, do
         if step.end - step.onset < settings.settled * slow:
             doubts.doubt(
                 run,
-                f"the level of {step.after:.3g} A is held for {step.end - step.onset:.2g} s, {(step.end - step.onset) / slow:.2g} time constants: the force had not "
+                f"the level of {level_name(step.after, 1e-3):.3g} A is held for {step.end - step.onset:.2g} s, {(step.end - step.onset) / slow:.2g} time constants: the force had not "
                 "settled, so its end level and all times of this direction rest on the shape of the model.",
                 f"Wait for {math.ceil(2 * settings.settled * slow)} s after each step.",
             )

@@ -18,7 +18,8 @@ from pipeline.rigs.mre.shear.unusable import nothing_usable
 from pipeline.rigs.mre.step.arrays import arrays_of
 from pipeline.rigs.mre.step.declaration import PARAMETERS, StepSettings
 from pipeline.rigs.mre.step.faults import judge_fit, judge_record
-from pipeline.rigs.mre.step.lag_fit import Found, LagFit, fit_lags, name_of
+from pipeline.rigs.mre.step.lag_fit import Found, LagFit, fit_lags
+from pipeline.rigs.mre.step.lag_problem import name_of
 from pipeline.rigs.mre.step.record import Record, record_of
 from pipeline.rigs.mre.step.times import estimates_of, largest
 

@@ -14,21 +14,16 @@ import numpy as np
 
 from pipeline.estimation.profile import ProfileInterval, profile_interval
 from pipeline.estimation.selection import Candidate
-from pipeline.estimation.separable import SeparableFit, covariance_of, fit_separable
+from pipeline.estimation.separable import SeparableFit, covariance_of
 from pipeline.estimation.uncertainty import Covariance, effective_size, widened
-from pipeline.rigs.mre.step.lags import response
+from pipeline.rigs.mre.step.lag_problem import Lags, Problem, Rows, name_of
 from pipeline.rigs.mre.step.record import DIRECTIONS, Record
 
 _STARTS = ((0.1, 0.3), (0.4, 0.1), (0.03, 0.5), (1.2, 0.1))  # tau1 (s), tau2/tau1
-_MOST_DELAY = 1.0  # s
-# Rows of a search: so many over the log, and so many samples one by one after each step.
-_COARSE, _CLOSE = 1000, 700
 _WILD = 6.0
 # BIC by which a second lag must win.
 _MARGIN = 6.0
 _SURE_DRIFT, _LEAST_DRIFT = 8.0, 5e-3  # standard errors; of the largest step
-
-Lags = Mapping[str, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,123 +70,6 @@ class LagFit:
     def index(self, *names: str) -> list[int]:
         """Return where parameters stand in `q`."""
         return [self.names.index(name) for name in names]
-
-
-def name_of(lags: Lags) -> str:
-    """Return what a model is called: ``"rise: two lags, fall: one lag"``."""
-    words = {1: "one lag", 2: "two lags"}
-    return ", ".join(f"{direction}: {words[lags[direction]]}" for direction in DIRECTIONS if direction in lags)
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Force to fit, shape (n,): times, means of the samples there, and the root of their number as weight."""
-
-    time: np.ndarray
-    force: np.ndarray
-    weight: np.ndarray
-
-    @classmethod
-    def all_of(cls, record: Record, kept: np.ndarray) -> Rows:
-        """Return every sample that is kept."""
-        return cls(record.time[kept], record.force[kept], np.ones(int(kept.sum())))
-
-    @classmethod
-    def thinned(cls, record: Record, kept: np.ndarray) -> Rows:
-        """Return the samples that follow each step one by one, and means of neighbours elsewhere: enough for a search."""
-        time, force = record.time[kept], record.force[kept]
-        period = float(np.median(np.diff(time)))
-        group = np.arange(time.size) // max(round(time.size / _COARSE), 1)
-        for step in record.steps:
-            close = (time > step.onset - 30 * period) & (time < step.onset + _CLOSE * period)
-            group = np.where(close, time.size + np.arange(time.size), group)
-        _, member, count = np.unique(group, return_inverse=True, return_counts=True)
-        mean = [np.bincount(member, weights=values) / count for values in (time, force)]
-        order = np.argsort(mean[0], kind="stable")
-        return cls(mean[0][order], mean[1][order], np.sqrt(count[order]))
-
-
-class Problem:
-    """Columns of the model for given numbers of lags, at given rows."""
-
-    def __init__(self, record: Record, lags: Lags, rows: Rows, drift: bool = False) -> None:
-        self.record, self.lags, self.rows, self.drift = record, dict(lags), rows, drift
-        self.names = tuple(
-            f"{direction}.{name}"
-            for direction, count in self.lags.items()
-            for name in ("L", "ln_tau1", "ln_tau2")[: 1 + count]
-        )
-        self.time = rows.time
-        self.parts = parts_of(record)
-
-    def columns(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the columns 1, log10(1 + t), y_k (and t) and their slopes with q."""
-        v = dict(zip(self.names, q.tolist(), strict=True))
-        n, steps = self.time.size, self.record.steps
-        A = np.empty((n, 2 + len(steps) + self.drift))
-        if self.drift:
-            A[:, -1] = self.time / float(self.record.grid[-1])
-        A[:, 0], A[:, 1] = 1.0, np.log10(1 + np.maximum(self.time, 0.0))
-        dA = np.zeros((q.size, n, A.shape[1]))
-        for number, step in enumerate(steps):
-            count = self.lags[step.direction]
-            taus = tuple(math.exp(v[f"{step.direction}.ln_tau{i + 1}"]) for i in range(count))
-            y, rate, slopes = response(self.parts[number], taus, self.record.dt)
-            at = self.time - v[f"{step.direction}.L"]
-            first = self.names.index(f"{step.direction}.L")
-            found = self._sampled(at, np.vstack([y, -rate, slopes]))
-            A[:, 2 + number] = found[0]
-            dA[first : first + 1 + count, :, 2 + number] = found[1:]
-        return A, dA
-
-    def _sampled(self, at: np.ndarray, curves: np.ndarray) -> np.ndarray:
-        """Return curves of the grid, shape (m, grid), at other times: straight between its points, held beyond its ends."""
-        place = np.clip((at - self.record.grid[0]) / self.record.dt, 0.0, curves.shape[1] - 1.000001)
-        k = place.astype(int)
-        share = place - k
-        return np.asarray(curves[:, k] * (1 - share) + curves[:, k + 1] * share)
-
-    def fit(self, start: Mapping[str, float], hold: tuple[str, float] | None = None) -> SeparableFit:
-        """Fit from a start; with one parameter held where asked for (and no second lag above a first that is held).
-
-        Raises
-        ------
-        ValueError
-            If the columns are not finite there.
-        """
-        period, length = self.record.period, float(self.record.grid[-1])
-        low, high = math.log(0.02 * min(period, 0.01)), math.log(3 * length)
-        bounds = {"L": (-_MOST_DELAY, _MOST_DELAY), "ln_tau1": (low, high), "ln_tau2": (low, high)}
-        lower, upper = np.array([bounds[name.split(".")[1]] for name in self.names]).T
-        q0 = np.array([start[name] for name in self.names])
-        if hold is not None:
-            at = self.names.index(hold[0])
-            q0[at], lower[at], upper[at] = hold[1], hold[1] - 1e-9, hold[1] + 1e-9
-            if hold[0].endswith("ln_tau1"):
-                upper[at + 1] = max(hold[1], lower[at + 1] + 1e-3)
-        scale = np.array([0.02 if name.endswith(".L") else 0.2 for name in self.names])
-        return fit_separable(
-            self.columns,
-            self.rows.force,
-            np.clip(q0, lower + 1e-10, upper - 1e-10),
-            lower=lower,
-            upper=upper,
-            scale=scale,
-            weights=self.rows.weight,
-            tolerance=1e-8,
-            max_evaluations=60,
-        )
-
-
-def parts_of(record: Record) -> list[np.ndarray]:
-    """Return what each step adds to the current, on the grid: 0 before, the change of the level after."""
-    parts = []
-    starts = [step.start for step in record.steps]
-    for number, step in enumerate(record.steps):
-        end = starts[number + 1] if number + 1 < len(starts) else math.inf
-        part = np.where(record.grid < step.start, 0.0, record.current - step.before)
-        parts.append(np.where(record.grid >= end, step.after - step.before, part))
-    return parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +127,8 @@ def fit_lags(record: Record) -> Found:
     scale = found.sigma**2 * max(int(kept.sum()) / effective, 1.0)
     profiles: dict[str, ProfileInterval] = {}
     for direction in present:
-        if lags[direction] == 1:
+        resolved = any(step.spread == 0 or record.stairs.is_set_point for step in record.of(direction))
+        if lags[direction] == 1 and resolved:
             wider = Problem(record, {**lags, direction: 2}, rows, drifts)
             begin = _of_both(single, double, present, wider.lags)
             profiles |= _profiles(wider, direction, begin, scale, found)
@@ -285,8 +164,12 @@ def _profiles(
         error = float(np.sqrt(chosen.covariance.matrix[place, place]))
         error = error if math.isfinite(error) and error > 0 else guess
 
-        def misfit(value: float, name: str = name) -> float:
-            return problem.fit(names, (name, value)).chi2
+        near = dict(names)
+
+        def misfit(value: float, name: str = name, near: dict[str, float] = near) -> float:
+            fit = problem.fit(near, (name, value))
+            near.update(zip(problem.names, fit.q.tolist(), strict=True))
+            return fit.chi2
 
         least = min(best.chi2, misfit(names[name]))
         found[name] = profile_interval(

@@ -19,7 +19,7 @@ from pipeline.rigs.mre.hold.repeats import clipped_or_stuck, lone_spikes
 from pipeline.rigs.mre.step.lags import passes
 
 _LEAST_STEP = 0.15  # of the range of the current
-_FINEST, _MOST_ROWS = 1e-3, 20_000  # s; rows of the force that enter, means of neighbours beyond
+_FINEST, _MOST_ROWS = 2e-3, 20_000  # s; rows of the force that enter, means of neighbours beyond
 _FEWEST = 30
 _LARGEST = 200.0  # A, of any such coil
 DIRECTIONS = ("rise", "fall")

@@ -20,6 +20,7 @@ from pipeline.findings.figures import (
     Table,
     Value,
 )
+from pipeline.rigs.mre.current_levels import level_name
 
 TIME, FORCE = Axis("time", "s"), Axis("axial force", "N")
 _NAMES = ("delay", "time_constant_1", "time_constant_2", "t63", "t90")
@@ -148,8 +149,8 @@ def _steps_table(findings: Findings) -> Table:
             str(r["run"]),
             str(r["direction"]),
             float(r["onset"]),
-            float(r["before"]),
-            float(r["after"]),
+            level_name(float(r["before"]), 1e-3),
+            level_name(float(r["after"]), 1e-3),
             float(r["held"]),
             float(r["change"]),
             float(r["gain"]),

@@ -10,7 +10,8 @@ import numpy as np
 from pipeline.estimation.estimate import Estimate, undetermined
 from pipeline.estimation.profile import ProfileInterval
 from pipeline.estimation.uncertainty import t_quantile
-from pipeline.rigs.mre.step.lag_fit import LagFit, parts_of
+from pipeline.rigs.mre.step.lag_fit import LagFit
+from pipeline.rigs.mre.step.lag_problem import parts_of
 from pipeline.rigs.mre.step.lags import passes, response
 from pipeline.rigs.mre.step.record import DIRECTIONS, Step
 
@@ -18,6 +19,7 @@ NAMES = ("delay", "time_constant_1", "time_constant_2", "t63", "t90")
 SHARES = {"t63": 1 - math.exp(-1), "t90": 0.9}
 # Relative standard error beyond which a time is not determined.
 _WIDEST = 0.4
+_HOPELESS = 20.0  # of a logarithm, or of a delay in s: nothing is known then
 # Standard errors by which two time constants must differ to be two numbers.
 _APART = 3.0
 # Steps of the force's converter over its noise that bias levels; what they do to a time constant, relative.
@@ -67,7 +69,7 @@ def _of(fit: LagFit, direction: str, force_lag: float) -> list[Estimate]:
     dof, t = fit.covariance.dof, t_quantile(fit.covariance.dof)
     values = fit.q[rows]
     taus = fit.taus(direction)
-    if not np.isfinite(matrix).all():
+    if not np.isfinite(matrix).all() or float(np.diag(matrix).max()) > _HOPELESS**2:
         reason = _bound_reason(fit, direction)
         return [undetermined(name, reason, at) for name in NAMES]
     sd = np.sqrt(np.diag(matrix))
@@ -81,7 +83,7 @@ def _of(fit: LagFit, direction: str, force_lag: float) -> list[Estimate]:
     apart = len(taus) == 1 or (values[1] - values[2]) > _APART * math.sqrt(
         max(matrix[1, 1] + matrix[2, 2] - 2 * matrix[1, 2], 0.0)
     )
-    total, total_sd = sum(taus), _spread(lambda q: sum(math.exp(v) for v in q[1:]), values, matrix)
+    total, total_sd = sum(taus), _spread(lambda q: sum(_exp(v) for v in q[1:]), values, matrix)
     told_sum = f"their sum is {total:.4g} +- {t * math.hypot(total_sd, float(shape.max())):.2g} s"
     for number, name in enumerate(("time_constant_1", "time_constant_2")):
         if number == 1 and len(taus) == 1:
@@ -98,12 +100,10 @@ def _of(fit: LagFit, direction: str, force_lag: float) -> list[Estimate]:
             relative = math.hypot(sd[1 + number], shape[number] / taus[number], blur)
             if relative > _WIDEST:
                 found.append(
-                    undetermined(
-                        name, f"the data leave it open to a factor {math.exp(t * relative):.2g}; {told_sum}", at
-                    )
+                    undetermined(name, f"the data leave it open to a factor {_exp(t * relative):.2g}; {told_sum}", at)
                 )
             else:
-                half = math.exp(t * relative)
+                half = _exp(t * relative)
                 value = taus[number]
                 told = Estimate(name, value, value * relative, (value / half, value * half), at, dof=dof)
                 found.append(_with_profile(told, fit.profiles.get(f"{direction}.ln_tau1"), logarithmic=True))
@@ -123,7 +123,7 @@ def _with_profile(
     """Widen an interval to what a second lag that cannot be told would allow."""
     if profile is None or told.value is None or told.ci95 is None:
         return told
-    low, high = (math.exp(v) if logarithmic else v + shift for v in (profile.low, min(profile.high, 700.0)))
+    low, high = (_exp(v) if logarithmic else v + shift for v in (profile.low, profile.high))
     low, high = min(low, told.ci95[0]), max(high, told.ci95[1])
     if not math.isfinite(low) or not math.isfinite(high) or (logarithmic and high > 10 * low):
         return undetermined(told.name, "a second lag that cannot be told from it leaves it open", told.at)
@@ -168,7 +168,7 @@ def _passing(
     for name, level in SHARES.items():
 
         def when(q: np.ndarray, level: float = level) -> float:
-            y = response(u, tuple(math.exp(v) for v in q[1:]), record.dt)[0]
+            y = response(u, tuple(_exp(v) for v in q[1:]), record.dt)[0]
             return passes(time, y, level) + float(q[0])
 
         value = when(values) - force_lag
@@ -185,6 +185,11 @@ def _passing(
         else:
             told.append(Estimate(name, value, sd, (value - half, value + half), at, dof=fit.covariance.dof))
     return told
+
+
+def _exp(value: float) -> float:
+    """Return exp without overflow: what is beyond is undetermined anyway."""
+    return math.exp(min(value, 60.0))
 
 
 def _spread(function: Callable[[np.ndarray], float], values: np.ndarray, matrix: np.ndarray) -> float:
