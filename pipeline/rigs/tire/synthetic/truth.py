@@ -42,7 +42,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "swapped": {"swapped": True},
     "polarity": {"polarity": -1},
     "divider": {"divider_flipped": True},
-    "saturated": {"film_gain": 900.0},
+    "saturated": {"film_gain": 1300.0},
     "loss": {"loss": 0.1, "burst": 12.0},
     "packet_id": {"counter_bits": 2, "told": {"counter_bits": None}},
     "pressure": {"inflation_pressure": 1.87e5, "told": {"inflation_pressure": 2.2e5}},
