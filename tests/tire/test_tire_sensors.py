@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from pipeline.rigs.tire.ring.contact import compliance, pressed
-from pipeline.rigs.tire.ring.pvdf import film_over_flex, high_pass, liner_strain, strain_from_voltage
+from pipeline.rigs.tire.ring.pvdf import Film, film_over_flex, film_shape, high_pass, liner_strain, strain_from_voltage
 from pipeline.rigs.tire.ring.ring import Ring, Shape, shape_of
 from pipeline.rigs.tire.ring.sensor import (
+    Sensor,
     averaging,
     divider_resistance,
     divider_voltage,
+    flex_shape,
     highest_order,
-    lagging,
     resistance,
     voltage_slope,
 )
@@ -19,6 +20,7 @@ from pipeline.rigs.tire.ring.shape_lengths import lengths
 
 R = 0.3171
 RING = Ring(R=R, EI=6.0, p0b=46200.0, kw=6e5, kv=2e5, eta=0.08)
+FLEX = Sensor(c=5000.0, R0=1e4, length=0.05, lag=1e-3)
 LOADS = (1000.0, 1500.0, 2000.0, 2500.0, 3000.0)
 
 
@@ -28,10 +30,8 @@ def voltages():
     known, found = compliance(RING), {}
     for Fz in LOADS:
         shape = pressed(known, 1.2e8, 0.3266, Fz).shape
-        n = shape.orders
-        k = lengths(shape.times(averaging(n, 0.05, R) * lagging(n, 10 / 3.6 / R, 1e-3)), R)
-        R2 = resistance(np.array([k.peak, k.dip_leading, k.dip_trailing]), 5000.0, 1e4)
-        found[Fz] = divider_voltage(R2, 3.3, 1e4)
+        marks = lengths(flex_shape(shape, FLEX, R, 10 / 3.6 / R), R)
+        found[Fz] = divider_voltage(FLEX.R0 + np.array([marks.peak, marks.dip_leading, marks.dip_trailing]), 3.3, 1e4)
     return found
 
 
@@ -47,6 +47,7 @@ def test_peak_slope_is_the_papers_seventy_millivolt_per_fifty_kilogram(voltages)
 
 
 def test_divider_and_its_inverse():
+    assert resistance(np.array([1.0 / R]), 5000.0, 1e4) == pytest.approx([1e4 + 5000.0 / R])
     R2 = np.array([10.0, 3e3, 1e4, 4.7e4])
     V = divider_voltage(R2, 5.0, 2e4)
     assert V[2] == pytest.approx(5.0 / 3.0)
@@ -98,17 +99,14 @@ def test_pvdf_is_a_derivative_when_slow_and_strain_when_fast():
 
 
 def test_film_over_flex_is_the_ratio_of_what_each_makes_of_one_order():
-    n, speed = np.arange(2.0, 33.0), 8.76
-    k = (0.3 + 0.1j) / n
-    flex = 5000.0 * k * averaging(n, 0.05, R) * lagging(n, speed, 1e-3)
-    ahead = k * np.exp(1j * n * 0.02)
-    film = 200.0 * liner_strain(ahead.real, 0.012) + 1j * 200.0 * liner_strain(ahead.imag, 0.012)
-    film = film * averaging(n, 0.03, R) * high_pass(n, speed, 2e-3)
+    n, speed = np.arange(2, 33), 8.76
+    k = pressed(compliance(RING, 1024), 1.2e8, 0.3266, 2000.0).shape
+    flex, film = flex_shape(k, FLEX, R, speed), film_shape(k, Film(200.0, 0.03, 2e-3, 0.02), 0.012, R, speed)
     ratio = film_over_flex(
-        n, speed, gain=2.4e-4, time_constant=2e-3, offset_angle=0.02, film_length=0.03, flex_length=0.05,
-        flex_lag=1e-3, R=R,
+        n, speed, gain=200.0 * 0.012 / (2 * 5000.0), time_constant=2e-3, offset_angle=0.02, film_length=0.03,
+        flex_length=0.05, flex_lag=1e-3, R=R,
     )  # fmt: skip
-    assert ratio == pytest.approx(film / flex, rel=1e-12)
+    assert ratio == pytest.approx((film.harmonics / np.where(flex.harmonics, flex.harmonics, 1.0))[n], rel=1e-9)
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.5, -2.9, 3.1])

@@ -12,7 +12,8 @@ from pipeline.rigs.tire.synthetic.library import library
 from pipeline.rigs.tire.synthetic.motion import road_motion
 from pipeline.rigs.tire.synthetic.packets import lost_packets
 from pipeline.rigs.tire.synthetic.rig import synthesize_bench, synthesize_road
-from pipeline.rigs.tire.synthetic.truth import RUNS, VARIANTS, bench_truth, ring_of, road_truth
+from pipeline.rigs.tire.synthetic.runs import RUNS, VARIANTS
+from pipeline.rigs.tire.synthetic.truth import bench_truth, ring_of, road_truth
 
 STEADY = {
     "noise": 0.0, "loss": 0.0, "load_wave": 0.0, "speed_wander": (0.0, 0.0), "resistance_drift": 0.0,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.rigs.tire.ring.ring import Shape
 from pipeline.rigs.tire.ring.sensor import averaging, lagging
 
 
@@ -32,6 +33,17 @@ class Film:
     time_constant: float
     offset_angle: float
     mid_voltage: float = 1.65
+
+
+def film_shape(k: Shape, film: Film, thickness: float, R: float, speed: float) -> Shape:
+    """Return V_p - V_mid, V, round a belt of radius R (m) that turns at `speed` (rad/s), from its curvature k (T6).
+
+    The angle is that of the flex sensor.
+    """
+    n = k.orders
+    turned = np.exp(1j * n * film.offset_angle)
+    response = film.gain * averaging(n, film.length, R) * high_pass(n, speed, film.time_constant) * turned
+    return k.times(0.5 * thickness * response)
 
 
 def high_pass(n: np.ndarray, speed: float, time_constant: float) -> np.ndarray:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.rigs.tire.ring.ring import Shape
+
 
 @dataclass(frozen=True)
 class Sensor:
@@ -33,6 +35,15 @@ class Sensor:
     lag: float
     VIN: float = 3.3
     R1: float = 1e4
+
+
+def flex_shape(k: Shape, sensor: Sensor, R: float, speed: float) -> Shape:
+    """Return R2 - R0, ohm, round a belt of radius R (m) that turns at `speed` (rad/s), from its curvature k.
+
+    Its mean is zero as that of k: R0 is the mean of R2 over any whole revolution.
+    """
+    n = k.orders
+    return k.times(sensor.c * averaging(n, sensor.length, R) * lagging(n, speed, sensor.lag))
 
 
 def averaging(n: np.ndarray, length: float, R: float) -> np.ndarray:

@@ -13,10 +13,8 @@ from pipeline.rigs.tire.synthetic import electronics
 from pipeline.rigs.tire.synthetic.library import library
 from pipeline.rigs.tire.synthetic.motion import Motion, bench_motion, road_motion
 from pipeline.rigs.tire.synthetic.packets import received
+from pipeline.rigs.tire.synthetic.runs import BENCH_RUNS, KMH, VARIANTS
 from pipeline.rigs.tire.synthetic.truth import (
-    BENCH_RUNS,
-    KMH,
-    VARIANTS,
     BenchTruth,
     RoadTruth,
     TireTruth,
