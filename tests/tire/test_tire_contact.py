@@ -1,5 +1,7 @@
 """The contact on a flat road: the sheet's table, convergence, equilibrium, dissipation (tire.md, 3.2, 3.5, 11)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -130,6 +132,15 @@ def test_rolling_resistance_moment_equals_the_dissipation_of_the_foundation(usua
     assert moment == pytest.approx(dissipated, rel=0.016)
 
 
+def test_a_driving_force_winds_the_belt_up_against_the_rotation(usual):
+    # v_0 = -Fx/(2 pi R kv): 2.51 mm per kN.
+    contact = pressed(usual, KT, RO, 3500.0, 1000.0)
+    still = pressed(usual, KT, RO, 3500.0, 0.0)
+    q_v = [list(loads(c, mu))[1][0].real for c, mu in ((contact, 1000.0 / 3500.0), (still, 0.0))]
+    v0 = [tangential_displacement(np.zeros(2), q, RING)[0].real for q in q_v]
+    assert (v0[0] - v0[1]) * 1e3 == pytest.approx(-2.51, abs=0.03)
+
+
 def test_loss_moves_the_pressure_to_the_leading_side_and_deepens_the_leading_dip(usual):
     contact = pressed(usual, KT, RO, 2000.0)
     assert -contact.front > contact.rear
@@ -158,8 +169,6 @@ def test_stiffness_and_sensitivities_of_the_truth_tire(usual):
 
 
 def _varied(name, factor):
-    from dataclasses import replace
-
     if name == "Fz":
         return RING, 2000.0 * factor
     return replace(RING, **{name: getattr(RING, name) * factor}), 2000.0
@@ -205,8 +214,6 @@ def test_any_start_leads_to_the_same_contact(usual):
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 @pytest.mark.parametrize("name", ["EI", "p0b", "kw", "kv"])
 def test_contact_settles_at_light_and_heavy_loads_a_decade_off(Fz, factor, name):
-    from dataclasses import replace
-
     ring = replace(RING, **{name: getattr(RING, name) * factor})
     for kt in (1.2e7, 1.2e9):
         contact = pressed(compliance(ring), kt, RO, Fz)

@@ -70,6 +70,10 @@ class Shape:
         """Return the shape with harmonic n multiplied by factor[n], shape (M+1,): a filter."""
         return Shape(self.harmonics * factor)
 
+    def cut(self, n_max: int) -> Shape:
+        """Return the shape without the harmonics above `n_max`; evaluating it takes that much less time."""
+        return Shape(self.harmonics[: n_max + 1])
+
     @property
     def orders(self) -> np.ndarray:
         """The orders n = 0..M."""
