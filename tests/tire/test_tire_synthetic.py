@@ -6,10 +6,10 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.rigs.tire.ring.contact import compliance, pressed
 from pipeline.rigs.tire.ring.pvdf import film_over_flex, high_pass
-from pipeline.rigs.tire.ring.sensor import averaging, divider_resistance, divider_voltage, lagging
+from pipeline.rigs.tire.ring.sensor import Sensor, averaging, divider_resistance, divider_voltage, flex_shape, lagging
 from pipeline.rigs.tire.synthetic.electronics import high_passed, lagged
 from pipeline.rigs.tire.synthetic.library import library
-from pipeline.rigs.tire.synthetic.motion import road_motion
+from pipeline.rigs.tire.synthetic.motion import bench_motion, road_motion
 from pipeline.rigs.tire.synthetic.packets import lost_packets
 from pipeline.rigs.tire.synthetic.rig import synthesize_bench, synthesize_road
 from pipeline.rigs.tire.synthetic.runs import RUNS, VARIANTS
@@ -52,6 +52,27 @@ def test_noise_free_run_is_the_ring_seen_by_the_sensor():
     turned = expected * np.exp(1j * n * start)
     error = min(np.abs(found - turned).max(), np.abs(found - turned * np.exp(1j * n * np.pi)).max())
     assert error < 1e-4 * 1.41 * 5000.0
+
+
+def test_a_noisy_run_averaged_over_its_turns_is_the_ring_within_its_noise():
+    truth = bench_truth({})
+    load, speed, duration, number, _ = RUNS["load_2000"]
+    motion = bench_motion(truth, load, speed, duration, np.random.default_rng((1, number)))
+    run = one({"runs": ["load_2000"]})
+    R2 = divider_resistance(volts(run), 3.3, 1e4)
+    turned = motion.angle[run.values("sample_index").astype(int)] + np.pi
+    turn, angle = np.floor(turned / (2 * np.pi)).astype(int), turned % (2 * np.pi)
+    shape = pressed(compliance(ring_of(truth)), truth.kt, truth.Ro, load).shape
+    sensor = Sensor(truth.c, truth.R0, truth.flex_length, truth.flex_lag)
+    rest = R2 - flex_shape(shape, sensor, truth.R, speed / truth.R).cut(120).at(angle - np.pi)
+    turn -= turn[0]
+    rest -= (np.bincount(turn, rest) / np.bincount(turn))[turn]
+    whole = (turn > 0) & (turn < turn.max())
+    place, M = (angle[whole] * (512 / (2 * np.pi))).astype(int), 512
+    n = np.bincount(place, minlength=M)
+    mean = np.bincount(place, rest[whole], M) / n
+    variance = np.bincount(place, rest[whole] ** 2, M) / n - mean**2
+    assert np.mean(mean**2 * n / variance) == pytest.approx(1.0, abs=0.2)
 
 
 def test_film_over_flex_of_a_run_is_the_sheets_transfer():
