@@ -237,6 +237,7 @@ def say_preload_by_field(runs: SortedRuns, recordings: Sequence[Recording]) -> s
 
 
 def say_remanence(runs: SortedRuns, recordings: Sequence[Recording]) -> str:
+    """Say where flux stays without current, and return that as a doubt; empty where none does."""
     left: dict[str, float] = {}
     for recording in recordings:
         if "flux_density" in recording and recording.conditions.get("coil_current") == 0:

@@ -133,6 +133,7 @@ def _sort_one(recording: Recording, series: Series, settings: ShearSettings, run
 
 
 def moving_part(usable: UsableRun) -> UsableRun:
+    """Return the run from where its displacement begins to move to where it ends."""
     return replace(usable, series=usable.series.between(*usable.excitation.moving), loop=None)
 
 
