@@ -292,6 +292,9 @@ def test_driving_deepens_the_leading_dip_in_the_log_and_the_trailing_one_when_re
         ({"EI": 0.0}, "'EI' of the synthetic tire is 0.0; expected more than 0"),
         ({"loss": 1.5}, "'loss' is 1.5"),
         ({"duration": 1e6}, "up to 600 s"),
+        ({"noise": "much"}, "'noise' of the synthetic tire is 'much'; expected a number"),
+        ({"gated": 1.0}, "'gated' of the synthetic tire is 1.0; expected true or false"),
+        ({"loads": [-5.0]}, "'loads' 0 N or more"),
         ({"silence": [1.0]}, "'silence' needs two numbers"),
     ],
 )

@@ -208,6 +208,8 @@ _Truth = TypeVar("_Truth", bound=TireTruth)
 def bench_truth(overrides: Mapping[str, Any]) -> BenchTruth:
     """Return the truth of the bench with `overrides`; InputError where one is unknown or makes no rig."""
     truth = _overridden(BenchTruth(), overrides)
+    if truth.speed <= 0.0 or any(load < 0.0 for load in truth.loads):
+        raise InputError("the synthetic tire: 'speed' needs to be above 0 m/s, 'loads' 0 N or more.")
     for names, known, what in ((truth.runs, BENCH_RUNS, "run"), (truth.variants, VARIANTS, "variant")):
         for name in names:
             if name not in known:
@@ -262,6 +264,13 @@ def _overridden(truth: _Truth, overrides: Mapping[str, Any]) -> _Truth:
         if name not in known:
             raise InputError(
                 f"the synthetic tire has no parameter '{name}'.{nearest(name, known)} It has {listing(sorted(known), 90)}."
+            )
+    for name, value in overrides.items():
+        usual = getattr(truth, name)
+        flag, number = isinstance(usual, bool), isinstance(usual, int | float)
+        if number and (not isinstance(value, int | float) or isinstance(value, bool) != flag or math.isnan(value)):
+            raise InputError(
+                f"'{name}' of the synthetic tire is {value!r}; expected {'true or false' if flag else 'a number'}."
             )
     truth = replace(truth, **dict(overrides))
     for name in _ABOVE_ZERO:
