@@ -32,7 +32,7 @@ from pipeline.recording.storage import (
 )
 
 # Raise it whenever the same log would become another recording.
-VERSION = 3
+VERSION = 4
 
 
 def ingest_run(

@@ -174,7 +174,8 @@ def _refuse_if_mostly_backward(
 def _increasing(time: np.ndarray) -> np.ndarray:
     """Return which rows stay so that time never falls.
 
-    At a fall that costs few rows, on the one side or the other, these give way. At one that costs many
+    At a fall that costs few rows, on the one side or the other, these give way; so do rows that bear once more
+    the very times of rows in the middle of the log: a block was written twice. At any other that costs many
     the clock started again: what lies between such falls is never joined, the longest part stays.
     """
     falls = np.flatnonzero(np.diff(time) < 0) + 1
@@ -189,9 +190,10 @@ def _increasing(time: np.ndarray) -> np.ndarray:
         last = time[kept[-1][1] - 1]
         ahead = int(np.searchsorted(time[start:stop], last, side="left"))
         behind, whole, cut = _rows_after(time, kept, time[start], limit=ahead)
-        if min(ahead, behind) > many:
+        again = min(ahead, behind) > many and _written_before(time, kept, start, start + ahead)
+        if min(ahead, behind) > many and not again:
             parts.append([(start, stop)])
-        elif behind < ahead:
+        elif behind < ahead and not again:
             del kept[whole:]
             kept += [*cut, (start, stop)]
         elif start + ahead < stop:
@@ -200,6 +202,12 @@ def _increasing(time: np.ndarray) -> np.ndarray:
     for start, stop in max(parts, key=lambda part: sum(stop - start for start, stop in part)):
         stay[start:stop] = True
     return stay
+
+
+def _written_before(time: np.ndarray, kept: list[tuple[int, int]], start: int, stop: int) -> bool:
+    """Tell whether rows bear times of kept rows, from later than the first on: a clock that starts again begins there."""
+    before = np.concatenate([time[slice(*rows)] for rows in kept])
+    return bool(time[start] > before[0] and np.isin(time[start:stop], before).all())
 
 
 def _rows_after(
@@ -226,6 +234,12 @@ def _said_backward(
     at = int(backward[0])
     times = "" if backward.size == 1 else f"{backward.size} times, first "
     step = f"{times}from {time[at]:.9g} to {time[at + 1]:.9g} in {place(int(rows[at + 1]))}"
+    if lost > 1 and time[~stay].min() > time[stay][0] and np.isin(time[~stay], time[stay]).all():
+        return QualityFinding(
+            "warning",
+            f"{where}: {counted(lost, 'row')} bear times that were logged before, {step}: a block was written twice; it is "
+            "counted once.",
+        )
     if part <= _FEW or lost <= 1:
         return QualityFinding(
             "warning",

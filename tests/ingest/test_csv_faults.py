@@ -198,3 +198,11 @@ def test_points_that_may_part_thousands_are_told_with_what_they_would_mean(tmp_p
 def test_decimal_points_are_not_taken_for_those_of_thousands(tmp_path: Path, rows: list[str]) -> None:
     notes = READER.open(written(tmp_path, "\n".join(["t;F", *rows]) + "\n")).notes
     assert not [note for note in notes if "thousands" in note.message]
+
+
+def test_rows_of_one_error_word_are_no_header(tmp_path: Path) -> None:
+    rows = "".join(f"{k / 10},{k},{k}\n" for k in range(50))
+    path = written(tmp_path, "t,F,x\n" + rows + "ERR,ERR,OVERLOAD\n" * 3 + rows.replace("0.", "9."))
+    columns, notes = read(path)
+    assert np.flatnonzero(np.isnan(columns["F"])).tolist() == [50, 51, 52]
+    assert any("'ERR' in line 52, the first of 3 such cells" in note.message for note in notes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from memory_log import found
+from memory_log import found, judged
 
 from pipeline.ingest.mapping import SelectedChannel
 from pipeline.ingest.quality import StreamQuality, of_run
@@ -94,6 +94,13 @@ def test_a_stuck_channel_is_found_with_its_span(signal: np.ndarray, start: int, 
     assert "stuck" in finding.message
     assert f"{stop - start} samples" in finding.message
     assert finding.span == pytest.approx((T[start], T[stop - 1]))
+
+
+def test_a_counter_that_stands_is_no_stuck_sensor() -> None:
+    turning = np.floor(N * np.sort(np.random.default_rng(3).random(N)))
+    counts = frozen(turning, 5000, 9000)
+    assert any("stuck" in finding.message for finding in judged(counts, RATE, unit="N").findings())
+    assert not any("stuck" in finding.message for finding in judged(counts, RATE, unit="count").findings())
 
 
 def test_a_channel_that_sticks_more_than_once_is_said_once() -> None:

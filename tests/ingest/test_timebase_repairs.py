@@ -101,10 +101,11 @@ def test_a_single_wild_stamp_costs_only_its_row() -> None:
         assert stream.repairs[0].level == "warning"
 
 
-def test_a_block_logged_again_is_dropped() -> None:
-    sink, stream = passed(np.concatenate([TRUE[:10000], TRUE[9900:]]))
+@pytest.mark.parametrize("begin", [9900, 4000, 1])
+def test_a_block_logged_again_is_dropped(begin: int) -> None:
+    sink, stream = passed(np.concatenate([TRUE[:10000], TRUE[begin:]]))
     np.testing.assert_array_equal(sink.time, TRUE)
-    assert "rows dropped" in stream.repairs[0].message
+    assert "a block was written twice" in stream.repairs[0].message
 
 
 @pytest.mark.parametrize("parts", [(15000, 5000), (5000, 15000)])

@@ -157,7 +157,9 @@ def _is_broken_off(row: list[str], chunk: Chunk, layout: Layout) -> bool:
 
 def _refuse_second_header(row: Sequence[str], line: int, layout: Layout) -> None:
     cells = [row[place] for place in layout.measured]
-    if len(cells) > 1 and all(cell and not is_value(cell) and not is_missing(cell) for cell in cells):
+    words = all(cell and not is_value(cell) and not is_missing(cell) for cell in cells)
+    # Names differ from each other; a logger that fails writes one word into several cells.
+    if len(cells) > 1 and words and len(set(cells)) == len(cells):
         raise InputError(
             f"{layout.path}: a second header begins in line {line} ('{', '.join(row)[:LONGEST_QUOTE]}'); the file "
             "holds several recordings one below the other. Cut it into one file a recording."

@@ -106,8 +106,11 @@ class ChannelQuality:
         return ChannelSummary(self.channel.name, self.channel.unit, raw.name, raw.unit, low, mean, high, self.missing)
 
     def stuck(self) -> list[Stretch]:
-        """Return stretches in which the channel stood still while it should not have."""
-        if self.is_dead:
+        """Return stretches in which the channel stood still while it should not have.
+
+        A counter stands where what it counts does: only the rig can tell that from a fault.
+        """
+        if self.is_dead or self.channel.unit == "count":
             return []
         clipped = {tops.level for tops in (self._upper.clipped(), self._lower.clipped()) if tops}
         return [stretch for stretch in self.stretches.stuck() if stretch.value not in clipped]
