@@ -45,7 +45,8 @@ def table(found: Mapping[str, Pairs], units: Mapping[str, tuple[float, str]] | N
     units
         Names whose rms error is not told in per cent of the truth: what one unit is in SI, and its name.
     """
-    lines = [f"{'':24} {'covered':>12} {'bias/se':>8} {'spread/se':>9} {'rms error':>10}   undetermined"]
+    width = max(24, *(len(name) for name in found)) if found else 24
+    lines = [f"{'':{width}} {'covered':>12} {'bias/se':>8} {'spread/se':>9} {'rms error':>10}   undetermined"]
     for name, pairs in found.items():
         known = [(e, t) for e, t in pairs if e.value is not None and e.ci95 is not None]
         error = np.array([float(e.value or 0.0) - t for e, t in known])
@@ -57,5 +58,5 @@ def table(found: Mapping[str, Pairs], units: Mapping[str, tuple[float, str]] | N
         rms = float(np.sqrt(np.mean((error / size) ** 2))) if known else np.nan
         covered = round(share_covered(pairs) * len(known)) if known else 0
         none = len(pairs) - len(known) or ""
-        lines.append(f"{name:24} {covered:5d} of {len(known):<4d} {bias} {spread} {rms:8.3g} {unit:3} {none}")
+        lines.append(f"{name:{width}} {covered:5d} of {len(known):<4d} {bias} {spread} {rms:8.3g} {unit:3} {none}")
     return "\n".join(lines)

@@ -38,11 +38,12 @@ CASES: dict[str, dict[str, Any]] = {
     "120 noisy": {"runs": ("g3",), "noise": 3.0},
     "campaign": {},
 }
+_EVENTS = ("startup", "brake_onset", "unlock", "sos_start", "sos_end", "relock", "rundown")
+_LEVELS = [f"torque_{side}_nominal {stage}" for side in ("in", "out") for stage in ("fos", "sos", "fos_after")]
+_PEAKS = [f"torque_{side}_peak {stage}" for side in ("in", "out") for stage in ("startup", "brake")]
 UNITS = {
-    "event_time": (1e-3, "ms"),
-    **dict.fromkeys(
-        ("torque_in_nominal", "torque_out_nominal", "torque_in_peak", "torque_out_peak", "drag_locked"), (0.001, "mN m")
-    ),
+    **dict.fromkeys([f"event_time {event}" for event in _EVENTS], (1e-3, "ms")),
+    **dict.fromkeys([*_LEVELS, *_PEAKS, "drag_locked"], (0.001, "mN m")),
 }
 
 
@@ -56,7 +57,7 @@ def main() -> None:
 
 
 def study(truth: dict[str, Any], seeds: range) -> dict[str, list[tuple[Estimate, float]]]:
-    """Return every estimate with its truth, by name; those of all runs, stages and events together."""
+    """Return every estimate with its truth, by name, stage and event; those of all runs and channels together."""
     known = gearbox_truth(truth)
     found: dict[str, list[tuple[Estimate, float]]] = defaultdict(list)
     for seed in seeds:
@@ -66,9 +67,15 @@ def study(truth: dict[str, Any], seeds: range) -> dict[str, list[tuple[Estimate,
         for p in findings.parameters:
             true = levels.of(p) if p.name == "vibration_rms" else true_value(p, known, runs)
             if true is not None:
-                name = f"{p.name} (run)" if p.name in _OF_BOTH and p.at else p.name
-                found[name].append((Estimate(p.name, p.value, p.std_error, p.ci95), true))
+                found[_told(p)].append((Estimate(p.name, p.value, p.std_error, p.ci95), true))
     return found
+
+
+def _told(p: Parameter) -> str:
+    """Return the name of a parameter with its stage or event, and whether it is a single run's."""
+    if p.name in _OF_BOTH and p.at:
+        return f"{p.name} (run)"
+    return " ".join([p.name, *(str(p.at[key]) for key in ("stage", "event") if key in p.at)])
 
 
 class _Levels:
@@ -114,6 +121,8 @@ def true_value(p: Parameter, known: GearboxTruth, runs: dict[str, KnownRun]) -> 
     }  # fmt: skip
     if p.name in constant:
         return None if p.at.get("phase") in ("startup", "steady") else constant[p.name]
+    if p.name == "torque_transfer_intercept" and p.at.get("phase") == "brake":
+        return float(drag_locked(runs[str(p.at["run"])].speed, known.c0, known.c_s, known.w_s, known.b0))
     if p.name == "drag_locked":
         speed = next(run.speed for run in runs.values() if abs(run.speed / float(p.at["speed"]) - 1.0) < 1e-3)
         return float(drag_locked(speed, known.c0, known.c_s, known.w_s, known.b0))

@@ -14,9 +14,9 @@ import numpy as np
 
 from pipeline.estimation.uncertainty import effective_size
 from pipeline.rigs.gearbox.record import Record
+from pipeline.rigs.gearbox.stages.brake_events import PEAK_CUTOFF
 from pipeline.rigs.gearbox.stages.breaks import find_break, parabola, ramp, step
 from pipeline.rigs.gearbox.stages.counts import Counts, line_slopes
-from pipeline.rigs.gearbox.stages.events import PEAK_CUTOFF
 from pipeline.rigs.gearbox.stages.levels import restlessness
 from pipeline.rigs.gearbox.stages.stage import EventTime, Stage
 from pipeline.signals.filtering import low_pass

@@ -25,8 +25,11 @@ def _stages(findings: Findings) -> str:
         "A two-stage planetary gearbox drove a flywheel with a brake (González-Cruz and Ceccarelli 2019). Clocks of the boards were compared "
         "by what both see (torque of the accelerating load, end of the motion, mesh noise) and moved where clearly off. Stages were found "
         "without labels: speed from straight lines through the encoder's counts, standstill and SOS from gaps between counts, told "
-        "apart by the level of the input torque; a sequence other than the protocol's is reported and not forced. Brake onset and "
-        f"relock are change points, unlock is the peak of the input torque, SOS begins and ends with the counts.{told}"
+        "apart by the level of the input torque; a sequence other than the protocol's is reported and not forced. Start, "
+        "brake onset, unlock, relock and run-down are where the input torque leaves its course, fitted together with the lag (droop times "
+        "inertia) with which the drive passes a load on; a lock breaks where the rise bends, some 10 ms before the torque's low-passed peak. SOS "
+        "begins and ends with the counts; its end lies between a brake that lets go at once and one that does so in proportion to time. Errors of "
+        f"events come from noise, slope and sample interval.{told}"
     )
 
 

@@ -280,14 +280,29 @@ def _speeds(run: RunNumbers) -> list[Parameter]:
         if math.isfinite(value)
         else undetermined("speed_out_nominal", _NO_FOS)
     )
+    told = parameter(out, at, _clock_told(run, "encoder", out), "slope of the counts")
     speed = run.speed_in
     if speed is None:
-        return [parameter(out, at, method="slope of the counts"), parameter(undetermined("speed_in_sos", _NO_SOS), at)]
+        return [told, parameter(undetermined("speed_in_sos", _NO_SOS), at)]
     if speed.source == "nominal":
         reason = f"{speed.told}: {speed.value:.4g} rad/s, neither measured nor seen in the vibration"
-        return [parameter(out, at, method="slope of the counts"), parameter(undetermined("speed_in_sos", reason), at)]
+        return [told, parameter(undetermined("speed_in_sos", reason), at)]
     own = estimate("speed_in_sos", speed.value, speed.std_error, dof=speed.dof)
-    return [parameter(out, at, method="slope of the counts"), parameter(own, at, speed.told, speed.source)]
+    clock = _clock_told(run, "vibration", own) if speed.source == "mesh lines" else ""
+    return [told, parameter(own, at, "; ".join(part for part in (speed.told, clock) if part), speed.source)]
+
+
+def _clock_told(run: RunNumbers, board: str, speed: Estimate) -> str:
+    """Say which part of a speed's standard error is type B: what is unknown of a board's clock."""
+    rate = run.run.rate_sd.get(board, 0.0)
+    if not rate or speed.value is None or not speed.std_error:
+        return ""
+    clock = rate * speed.value
+    own = math.sqrt(max(speed.std_error**2 - clock**2, 0.0))
+    return (
+        f"standard error: {clock:.1e} rad/s for the rate of the {board} board's clock ({1e6 * rate:.0f} ppm, type B) and "
+        f"{own:.1e} from the data"
+    )
 
 
 def _lock(run: RunNumbers, campaign: CampaignNumbers) -> list[Parameter]:

@@ -25,6 +25,11 @@ def parabola(late: np.ndarray) -> np.ndarray:
     return np.asarray(np.maximum(late, 0.0) ** 2)
 
 
+def cubic(late: np.ndarray) -> np.ndarray:
+    """Zero before the break, rising with the cube of time after it: an angle under a torque that grows from nothing."""
+    return np.asarray(np.maximum(late, 0.0) ** 3)
+
+
 def parabola_before(late: np.ndarray) -> np.ndarray:
     """The same the other way round: falling to zero at the break."""
     return np.asarray(np.minimum(late, 0.0) ** 2)

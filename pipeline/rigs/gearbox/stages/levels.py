@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -175,11 +176,12 @@ def levels_of(record: Record) -> Levels:
     )
 
 
+@lru_cache(maxsize=2)
 def restlessness(vibration: Signal, block: float = _HIGH_PASS) -> Signal:
     """Return the rms of sample-to-sample differences in blocks of `block` s, over that of the quiet tenth of the run.
 
     Differences let shaft orders of a few hertz through at a hundredth only, mesh tones of 20 Hz and more
-    and their noise in full.
+    and their noise in full. The result for the last logs is kept: clocks and stages both ask for it.
     """
     size = max(round(vibration.rate * block), 4)
     out = {}

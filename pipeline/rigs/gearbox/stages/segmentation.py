@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.rigs.gearbox.record import Record
 from pipeline.rigs.gearbox.stages.brake_check import brake_faults
 from pipeline.rigs.gearbox.stages.counts import Counts, counts_of
-from pipeline.rigs.gearbox.stages.events import cycle_events, rundown_event, startup_event
+from pipeline.rigs.gearbox.stages.events import cycle_events, drive_lag, rundown_event, startup_event
 from pipeline.rigs.gearbox.stages.grammar import off_protocol
 from pipeline.rigs.gearbox.stages.levels import Levels, levels_of, loaded_spans
 from pipeline.rigs.gearbox.stages.motion import Span, spans_of, steady_speed
@@ -52,11 +52,9 @@ def segment(record: Record) -> Segmentation:
     problems += frozen
     stages, cycles, unplaced = _refined(record, counts, rough)
     problems += unplaced
-    found = {
-        **startup_event(record, counts, stages),
-        **(cycles[0][1] if cycles else {}),
-        **rundown_event(counts, stages),
-    }
+    found = dict(cycles[0][1]) if cycles else {}
+    found |= rundown_event(record, counts, stages, drive_lag(found))
+    found |= startup_event(record, counts, stages, drive_lag(found))
     stages = _with_ends(stages, found)
     stages, unseen = lost_in(record, counts, stages)
     protocol, complete = off_protocol(stages)

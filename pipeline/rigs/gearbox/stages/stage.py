@@ -5,6 +5,7 @@ Data only; `segmentation` finds the stages, `events` the instants.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -43,10 +44,15 @@ class Stage:
 
 @dataclass(frozen=True)
 class EventTime:
-    """When something happened: `time` and its standard error `sd`, s."""
+    """When something happened: `time` and its standard error `sd`, s.
+
+    `lag` is that of the drive where it was found with the event, s, and `lag_sd` its standard error; NaN where not.
+    """
 
     time: float
     sd: float
+    lag: float = math.nan
+    lag_sd: float = math.nan
 
 
 @dataclass(frozen=True)

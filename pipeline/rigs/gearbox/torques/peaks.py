@@ -132,9 +132,7 @@ def peak(
     if not np.isfinite(smooth[inside]).any():
         return None
     at = inside.start + int(np.nanargmax(smooth[inside]))
-    bias = _bias(t, smooth, at, noise)
-    # What is added at one instant scatters at least as much as the maximum does.
-    scatter = float(noise.values.std()) if noise.values.size else 0.0
+    bias, scatter = _lifted(t, smooth, at, noise)
     zero = offset or ZeroOffset()
     # Half a period of the cutoff is about one independent value of the low-passed noise.
     dof = max(noise.values.size * noise.step * cutoff / 10, 1.0)
@@ -172,16 +170,22 @@ def unlock_peak(run: AlignedRun, span: Span, steady: Span) -> Peak | None:
     return peak(run.time, free, span, noise, UNLOCK_CUTOFF, run.offset_in)
 
 
-def _bias(t: np.ndarray, smooth: np.ndarray, at: int, noise: Steady) -> float:
-    """Return the mean of what noise adds to the maximum of the curve, N m."""
+def _lifted(t: np.ndarray, smooth: np.ndarray, at: int, noise: Steady) -> tuple[float, float]:
+    """Return the mean of what noise adds to the maximum of the curve, and how that scatters, N m.
+
+    A sharp peak scatters as the noise at one instant does, a broad one less: its maximum can choose. The curve has its
+    own noise already, so the mean itself may be anything from none to twice as much.
+    """
     part = within(t, (t[at] - _REACH, t[at] + _REACH))
     step = max(int(0.05 / CUTOFF / noise.step), 1)
     curve, pool = smooth[part][::step], noise.values[::step]
     if pool.size < 2 * curve.size:
-        return 0.0
+        return 0.0, float(noise.values.std()) if noise.values.size else 0.0
     starts = np.linspace(0, pool.size - curve.size, _DRAWS).astype(int)
     draws = np.lib.stride_tricks.sliding_window_view(pool, curve.size)[starts]
-    return float(np.mean(np.nanmax(curve + draws, axis=1)) - smooth[at])
+    highest = np.nanmax(curve + draws, axis=1)
+    mean = float(highest.mean() - smooth[at])
+    return mean, math.hypot(float(highest.std()), mean / math.sqrt(3.0))
 
 
 def _flat_top(values: np.ndarray) -> bool:
