@@ -62,8 +62,8 @@ CONDITIONS = (
     ConditionSpec("inverter_frequency", "Hz", "output frequency of the inverter", range=_POSITIVE),
     ConditionSpec("flywheel_inertia", "kg*m^2", "inertia of the flywheel where it is known", range=_POSITIVE),
     ConditionSpec("lubrication", "", "lubrication of the gears"),
-    ConditionSpec("teeth", "", "teeth of sun, planet, ring, input train; output train: '60 20 100; 12 44 100'",
-                  default="60 20 100; 12 44 100"),
+    ConditionSpec("teeth", "", "teeth of sun, planet, ring, input train; output train; where it is not stated the paper's, "
+                  "'60 20 100; 12 44 100', are assumed"),
     ConditionSpec("remark", "", "free text"),
 )  # fmt: skip
 OPERATING = (

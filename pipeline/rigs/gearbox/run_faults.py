@@ -186,8 +186,6 @@ def _misfits(run: RunNumbers) -> list[QualityFinding]:
 
 
 def _teeth(run: RunNumbers) -> list[QualityFinding]:
-    if "teeth" not in run.record.conditions:
-        return []
     teeth = teeth_in(run.record)
     found = [QualityFinding("warning", text) for text in assembly_faults(teeth)]
     return found + [QualityFinding("note", text) for text in interference_warnings(teeth)]

@@ -137,15 +137,28 @@ def _input_speed(said: Judgement, campaign: CampaignNumbers) -> None:
         by.setdefault(run.speed_in.source if run.speed_in else "nominal", []).append(run)
     words = {"measured": "measured", "mesh lines": "estimated from the mesh lines", "nominal": "assumed nominal"}
     told = "; ".join(f"{words[source]} in {_names(runs)}" for source, runs in by.items())
+    if any(run.speed_in is not None and run.speed_in.teeth_assumed for run in with_sos):
+        told += ", with the teeth of Table 1, as the runs state none"
     if "nominal" not in by:
         said.reasons.append(f"The input speed in SOS is {told}.")
-    else:
-        said.warn(
-            f"The input speed in SOS is {told}: the power dissipated is an upper limit there, since a drive may droop by tens of percent."
-        )
-        said.advice.append(
-            "Log the input speed, or vibration at 2.5 kHz or more: the power in SOS rests on an assumed input speed."
-        )
+        return
+    whys: dict[str, list[RunNumbers]] = {}
+    for run in by["nominal"]:
+        whys.setdefault(run.speed_in.why if run.speed_in else "", []).append(run)
+    because = "; ".join(f"{_names(runs)}: {why}" for why, runs in list(whys.items())[:_TOLD] if why)
+    said.warn(
+        f"The input speed in SOS is {told}{f' ({because})' if because else ''}: the power dissipated is an upper limit there, since a "
+        "drive may droop by tens of percent."
+    )
+    doubted = any(
+        run.speed_in and run.record.vibration is not None and "teeth" in run.speed_in.why for run in by["nominal"]
+    )
+    said.advice.append(
+        "State the teeth of the gearbox (sun, planet and ring of both trains, as '60 20 100; 12 44 100') or log the input speed: the mesh "
+        "lines do not fit the teeth."
+        if doubted
+        else "Log the input speed, or vibration at 2.5 kHz or more: the power in SOS rests on an assumed input speed."
+    )
 
 
 def _inertia(said: Judgement, campaign: CampaignNumbers) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from pipeline.rigs.gearbox.aligned_run import Span, within
 from pipeline.rigs.gearbox.vibration.comb import Comb, in_band, thinned
+from pipeline.rigs.gearbox.vibration.comb_support import Support, support
 from pipeline.rigs.gearbox.vibration.phase_track import Track, follow
 
 # Mesh 2, its double, mesh 1, its double, per turn of slip (fact sheet 5.5).
@@ -47,6 +48,8 @@ class MeshSpeed:
         Standard deviation of the speed between pieces of a second, rad/s, beyond what their own errors give.
     orders
         Lines that lie in the band of the vibration log.
+    support
+        What speaks for the speed and against it; None where it was not asked.
     """
 
     speed: float
@@ -55,6 +58,7 @@ class MeshSpeed:
     contrast: float
     wander: float
     orders: tuple[float, ...]
+    support: Support | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,37 +96,52 @@ def input_speed(
 
     Returns
     -------
-    None where no comb stands out of the noise, or the log is too short.
+    None where no comb stands out of the noise, or the log is too short. A comb that is in doubt is one only where
+    no other is found.
     """
     part = within(time, (span[0] + guard, span[1] - guard))
     t = time[part]
     if t.size < 256 or t[-1] - t[0] < 0.5:
         return None
-    rate = (t.size - 1) / float(t[-1] - t[0])
+    logged = rate = (t.size - 1) / float(t[-1] - t[0])
     used = in_band(orders, rate, _NEAR[1] * nominal)
     live = {name: values for name, values in channels.items() if np.ptp(values[part]) > 0}
     if len(used) < 2 or not live:
         return None
     signals, rate = thinned([values[part] for values in live.values()], rate, max(used) * _NEAR[1] * nominal)
     hum = _at_rest(time, live, rest, max(used) * _NEAR[1] * nominal, used)
+    doubtful = None
     for share in (_NEAR, _DROOPED):
         found = _searched(signals, rate, used, (share[0] * nominal, share[1] * nominal), span[1] - span[0], hum)
-        if found is not None:
+        if found is None:
+            continue
+        weighed = support(_pieces(signals, rate, used, hum)[1], found.speed, nominal, orders, logged)
+        found = replace(found, support=weighed)
+        if not weighed.doubt:
             return found
-    return None
+        doubtful = doubtful or found
+    return doubtful
+
+
+def _pieces(
+    signals: Sequence[np.ndarray], rate: float, used: Sequence[float], hum: Comb | None
+) -> tuple[list[Comb], Comb]:
+    """Return the combs of pieces of a second, and their mean, blind to hum."""
+    length = max(round(_PIECE * rate), 256)
+    starts = [i * length for i in range(max(signals[0].size // length, 1))]
+    parts = [Comb.of([signal[start : start + length] for signal in signals], rate, used) for start in starts]
+    mean = replace(parts[0], power=np.mean([part.power for part in parts], axis=0))
+    return parts, mean if hum is None else mean.without(hum)
 
 
 def _searched(
     signals: Sequence[np.ndarray], rate: float, used: Sequence[float], limits: Span, stage: float, hum: Comb | None
 ) -> MeshSpeed | None:
     """Return the slip speed within `limits` (rad/s) of a stage `stage` seconds long; `hum` is the comb at rest."""
-    length = max(round(_PIECE * rate), 256)
-    starts = [i * length for i in range(max(signals[0].size // length, 1))]
-    parts = [Comb.of([signal[start : start + length] for signal in signals], rate, used) for start in starts]
-    coarse = replace(parts[0], power=np.mean([part.power for part in parts], axis=0))
+    parts, coarse = _pieces(signals, rate, used, hum)
+    length = parts[0].size
     fine = Comb.of(signals, rate, used)
-    if hum is not None:
-        coarse, fine = coarse.without(hum), fine.without(hum)
+    fine = fine if hum is None else fine.without(hum)
     rough, _ = coarse.best(limits)
     step = 2 * math.pi * rate / (length * max(used))
     near = (max(rough - 2 * step, limits[0]), min(rough + 2 * step, limits[1]))

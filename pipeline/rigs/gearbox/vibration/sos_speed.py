@@ -31,7 +31,9 @@ class InputSpeed:
     std_error
         rad/s, the clock of the board included; NaN where the speed is assumed. `dof` its degrees of freedom.
     source, told
-        Where it came from, and that in words.
+        Where it came from, and that in words; `why`, where it is assumed: why nothing else tells it.
+    teeth_assumed
+        Whether it rests on teeth that nobody stated.
     """
 
     value: float
@@ -39,12 +41,21 @@ class InputSpeed:
     source: Source
     told: str
     dof: float = math.inf
+    why: str = ""
+    teeth_assumed: bool = False
+
+
+def teeth_stated(record: Record) -> bool:
+    """Tell whether the run says what teeth its gears have."""
+    text = record.conditions.get("teeth")
+    return isinstance(text, str) and bool(text.strip())
 
 
 def teeth_in(record: Record) -> Teeth:
     """Return the teeth of the run's gearbox, Table 1 where the run does not say; InputError where they make none."""
-    text = record.conditions.get("teeth")
-    return TABLE_1 if not isinstance(text, str) or not text.strip() else teeth_of(text, f"run '{record.run}', teeth")
+    if not teeth_stated(record):
+        return TABLE_1
+    return teeth_of(str(record.conditions["teeth"]), f"run '{record.run}', teeth")
 
 
 def line_orders(teeth: Teeth) -> tuple[float, ...]:
@@ -65,25 +76,44 @@ def input_speed_of(record: Record, run: AlignedRun) -> InputSpeed | None:
             return InputSpeed(float(np.mean(part)), error, "measured", "input speed measured")
     # What the output shaft does while locked is the input's speed too: surer than a condition.
     nominal = run.speed_nominal if math.isfinite(run.speed_nominal) else record.speed_nominal or math.nan
-    if record.vibration is not None and math.isfinite(nominal):
-        log, orders = record.vibration, line_orders(teeth_in(record))
-        rest = run.stages.get("standstill")
-        found = input_speed(log.time, log.values, (start, end), nominal, orders, rest=rest)
-        if found is not None:
-            return _from_lines(found, run.rate_sd.get("vibration", 0.0))
     if not math.isfinite(nominal):
         return None
-    why = "no vibration log" if record.vibration is None else "no mesh line stands out of the noise"
-    return InputSpeed(
-        nominal, math.nan, "nominal", f"input speed assumed nominal ({why}): a drive slows down under load"
-    )
+    why = "no vibration log"
+    if record.vibration is not None:
+        log, orders, stated = record.vibration, line_orders(teeth_in(record)), teeth_stated(record)
+        rest = run.stages.get("standstill")
+        found = input_speed(log.time, log.values, (start, end), nominal, orders, rest=rest)
+        why = "no mesh line stands out of the noise" if found is None else _doubt(found, stated)
+        if found is not None and not why:
+            return _from_lines(found, run.rate_sd.get("vibration", 0.0), stated)
+    told = f"input speed assumed nominal ({why}): a drive slows down under load"
+    return InputSpeed(nominal, math.nan, "nominal", told, why=why)
 
 
-def _from_lines(found: MeshSpeed, rate_sd: float) -> InputSpeed:
+def _doubt(found: MeshSpeed, stated: bool) -> str:
+    """Say why the mesh lines tell no speed, empty where they do."""
+    support = found.support
+    if support is None:
+        return ""
+    whose = "as stated" if stated else "of Table 1, which were assumed since the run states none"
+    if support.doubt:
+        return f"{support.doubt} (teeth {whose}): {found.speed:.4g} rad/s, which they would tell, is not believed"
+    if support.weak and not stated:
+        return (
+            f"lines of one train only stand in the vibration, and the teeth are those {whose}: {found.speed:.4g} rad/s, which they "
+            "would tell, is not believed"
+        )
+    return ""
+
+
+def _from_lines(found: MeshSpeed, rate_sd: float, stated: bool) -> InputSpeed:
     """Return the speed of the mesh lines; a clock whose rate is off shifts all of them alike."""
-    told = (
-        f"input speed from the mesh lines ({', '.join(f'{order:g}' for order in found.orders)} per turn), mean over SOS"
-    )
+    lines = found.support.lines if found.support else found.orders
+    told = f"input speed from the mesh lines ({', '.join(f'{order:g}' for order in lines)} per turn), mean over SOS"
+    if found.support is not None and found.support.trains < 2:
+        told += "; lines of one train only, so it hangs on that train's teeth"
+    if not stated:
+        told += "; the teeth are those of Table 1, which were assumed since the run states none"
     if found.wander > 3 * found.std_error:
         told += f", in which it wanders by {found.wander:.2g} rad/s (standard deviation)"
     clock = rate_sd * found.speed
@@ -94,4 +124,4 @@ def _from_lines(found: MeshSpeed, rate_sd: float) -> InputSpeed:
         )
     total = math.hypot(found.std_error, clock)
     dof = found.dof * (total / found.std_error) ** 4 if found.std_error > 0 else math.inf
-    return InputSpeed(found.speed, total, "mesh lines", told, dof)
+    return InputSpeed(found.speed, total, "mesh lines", told, dof, teeth_assumed=not stated)
