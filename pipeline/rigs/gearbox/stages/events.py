@@ -87,7 +87,7 @@ def startup_event(record: Record, counts: Counts, stages: Sequence[Stage], drive
     lags = (drive.lag, max(drive.lag - drive.lag_sd, 0.1 * drive.lag), drive.lag + drive.lag_sd)
     found, less, more = (find_lagged_break(time, level, columns, _speeds_up, within, (lag,), noise)[0] for lag in lags)
     # The straight bend, earlier by the lag, tells the same: how far both are apart shows what the shape leaves open.
-    shape = (bend.time - drive.lag - found.time) / math.sqrt(3.0)
+    shape = bend.time - drive.lag - found.time
     return {"startup": EventTime(found.time, math.hypot(found.sd, 0.5 * (more.time - less.time), shape))}
 
 
