@@ -50,6 +50,7 @@ def variants_of(found: RunFit) -> list[ModelResult]:
                 n_parameters=k,
                 n_data=F.size,
                 rms_residual=rms,
+                unit="N",
                 nrmse=rms / max(float(np.std(F)), 1e-300),
                 bic=fit.effective * math.log(rms**2) + k * math.log(max(fit.effective, 2.0)),
                 description=_TEXTS[name],

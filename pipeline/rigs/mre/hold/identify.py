@@ -215,6 +215,7 @@ def _models(found: Analysed, several: bool) -> list[ModelResult]:
                 n_parameters=candidate.n_parameters,
                 n_data=candidate.n_data,
                 rms_residual=float((found.rest**2).mean() ** 0.5) if selected else None,
+                unit="N",
                 nrmse=found.nrmse if selected else None,
                 chi2_reduced=candidate.chi2 / max(candidate.n_data - candidate.n_parameters, 1),
                 aicc=candidate.aicc,

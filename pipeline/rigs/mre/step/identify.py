@@ -156,6 +156,7 @@ def _models(found: Found, several: bool) -> list[ModelResult]:
             n_parameters=candidate.n_parameters,
             n_data=candidate.n_data,
             rms_residual=fit.sigma if candidate.name == chosen else None,
+            unit="N",
             nrmse=fit.sigma / spread if candidate.name == chosen and spread > 0 else None,
             aicc=candidate.aicc,
             bic=candidate.bic,
