@@ -53,6 +53,8 @@ class AlignedRun:
         start and end, s. Empty where only `stages` are known.
     gaps
         Where the encoder told nothing or lost counts, s: the angle has a break across them.
+    lost
+        Torque channel -> where its samples are none of the sensor's, s.
     rate_sd
         Board (`encoder`, `vibration`) -> relative standard uncertainty of its clock's rate against that of the torques.
     """
@@ -71,6 +73,7 @@ class AlignedRun:
     free: tuple[tuple[str, float, float], ...] = ()
     gaps: tuple[Span, ...] = ()
     rate_sd: Mapping[str, float] = field(default_factory=dict)
+    lost: Mapping[str, tuple[Span, ...]] = field(default_factory=dict)
 
     @cached_property
     def slow(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

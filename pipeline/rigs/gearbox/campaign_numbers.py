@@ -57,6 +57,18 @@ class CampaignNumbers:
         return _slope(self.transfer)
 
     @property
+    def no_slope(self) -> str:
+        """Say why the slope is not known: what was lost in the rises, else that there are none."""
+        lost = [
+            (run.name, run.torques.withheld["slope", "brake"])
+            for run in self.runs
+            if ("slope", "brake") in run.torques.withheld
+        ]
+        if lost:
+            return "; ".join(f"{run}: {why}" for run, why in lost[:3])
+        return "no brake rise between locked steady motion and unlock was found, or it is saturated"
+
+    @property
     def speeds(self) -> dict[float, list[str]]:
         """Names of the runs at each speed (rad/s, four digits)."""
         found: dict[float, list[str]] = {}

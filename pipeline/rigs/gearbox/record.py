@@ -67,6 +67,8 @@ class Record:
         `encoder_count_out` (cumulative counts) where the log has it, else `speed_out`, rad/s.
     vibration, speed_in, brake_force
         None where the log has none.
+    bridged
+        Torque channel -> where straight lines stand for samples that are no numbers, s.
     counts_per_turn
         Pulses per turn times decoding; 0 where there are no counts.
     """
@@ -80,6 +82,7 @@ class Record:
     conditions: Mapping[str, Condition] = field(default_factory=dict)
     counts_per_turn: float = 0.0
     findings: tuple[QualityFinding, ...] = ()
+    bridged: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
 
     @property
     def has_counts(self) -> bool:
@@ -128,6 +131,7 @@ def record_of(recording: Recording) -> Record:
         _signal(recording, ("speed_in",), findings) if "speed_in" in recording else None,
         _signal(recording, ("brake_force",), findings) if "brake_force" in recording else None,
         dict(recording.conditions),
+        bridged={name: _bridged(*recording.signal(name)) for name in TORQUES},
     )
     turn = _counts_per_turn(record, findings) if record.has_counts else 0.0
     return replace(record, counts_per_turn=turn, findings=tuple(findings))
@@ -151,13 +155,25 @@ def _signal(recording: Recording, names: Sequence[str], findings: list[QualityFi
             )
         if not good.all():
             lost = own[~good]
-            text = f"{(~good).sum()} samples are no numbers; straight lines were put in their place"
+            text = (
+                f"{(~good).sum()} samples of {name} from {lost.min():.5g} to {lost.max():.5g} s are no numbers; straight lines were put in "
+                "their place"
+            )
             findings.append(
                 QualityFinding("warning", text, recording.run, name, (float(lost.min()), float(lost.max())))
             )
         whole = good.all() and (own is time or np.array_equal(own, time))
         values[name] = np.asarray(found if whole else np.interp(time, own[good], found[good]), dtype=float)
     return Signal(time, values)
+
+
+def _bridged(time: np.ndarray, values: np.ndarray) -> tuple[tuple[float, float], ...]:
+    """Return from which number to which the samples between are none, s."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~np.isfinite(values), [False]]).astype(np.int8)))
+    last = time.size - 1
+    return tuple(
+        (float(time[max(a - 1, 0)]), float(time[min(b, last)])) for a, b in zip(edges[0::2], edges[1::2], strict=True)
+    )
 
 
 def _encoder(recording: Recording, findings: list[QualityFinding]) -> Signal:
@@ -171,7 +187,7 @@ def _encoder(recording: Recording, findings: list[QualityFinding]) -> Signal:
         )
     if not good.all():
         lost = time[~good]
-        text = f"{(~good).sum()} samples are no numbers and are left out"
+        text = f"{(~good).sum()} samples of {name} from {lost.min():.5g} to {lost.max():.5g} s are no numbers and are left out"
         findings.append(QualityFinding("warning", text, recording.run, name, (float(lost.min()), float(lost.max()))))
     return Signal(np.asarray(time[good], dtype=float), {name: np.asarray(values[good], dtype=float)})
 

@@ -16,6 +16,7 @@ from pipeline.rigs.gearbox.model.teeth import assembly_faults, interference_warn
 from pipeline.rigs.gearbox.record import COUNT, SPEED, TORQUES
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.stages.stage import Problem
+from pipeline.rigs.gearbox.torques.lost_samples import standing_still
 from pipeline.rigs.gearbox.torques.ripple import learn
 from pipeline.rigs.gearbox.vibration.shaft_speed import mistake, true_speed
 from pipeline.rigs.gearbox.vibration.sos_speed import teeth_in
@@ -43,6 +44,7 @@ def run_faults(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFind
         *_told(run, run.alignment.problems, None),
         *_told(run, [one for one in run.segmentation.problems if one not in run.counts.problems], None),
         *_told(run, run.offsets.problems, None),
+        *_still(run),
         *_saturated(run),
         *_drifts(run),
         *vibration.findings,
@@ -84,6 +86,19 @@ def speed_faults(run: RunNumbers) -> list[QualityFinding]:
     if borne_out:
         cause = f"yet speed_nominal bears the encoder out; if both are wrong, {cause}"
     return [QualityFinding(grave, f"{told}; {cause}", run.name, channel, run.run.stages.get("fos"))]
+
+
+def _still(run: RunNumbers) -> list[QualityFinding]:
+    """Tell torques whose reading stands still while the other goes on."""
+    found = []
+    for name in TORQUES:
+        for start, end in standing_still(run.record.torque.time, run.record.torque[name]):
+            text = (
+                f"{name} stands still from {start:.4g} to {end:.4g} s, without even noise: the sensor, its cable or its converter hangs; what "
+                "needs it there is left out"
+            )
+            found.append(QualityFinding("warning", text, run.name, name, (start, end)))
+    return found
 
 
 def _saturated(run: RunNumbers) -> list[QualityFinding]:

@@ -22,6 +22,7 @@ from pipeline.rigs.gearbox.stages.segmentation import segment
 from pipeline.rigs.gearbox.stages.stage import Segmentation
 from pipeline.rigs.gearbox.torques.clipping import clip_of
 from pipeline.rigs.gearbox.torques.derived import Torque
+from pipeline.rigs.gearbox.torques.lost_samples import lost_samples
 from pipeline.rigs.gearbox.torques.nominal import Level
 from pipeline.rigs.gearbox.torques.offsets import Offsets, zero_offsets
 from pipeline.rigs.gearbox.torques.peaks import Peak
@@ -142,7 +143,7 @@ def numbers_of(record: Record) -> RunNumbers:
     offsets = zero_offsets(record, segmentation)
     counts = counts_of(record)
     run = _aligned(record, segmentation, offsets, counts)
-    run = replace(run, rate_sd=alignment.rates)
+    run = replace(run, rate_sd=alignment.rates, lost=lost_samples(record))
     speed_out = _speed_out(run, counts)
     speed_in = input_speed_of(record, run)
     clips = {name: clip_of(record.torque.time, record.torque[name]) for name in TORQUES}
@@ -187,6 +188,8 @@ def _load(run: AlignedRun, torques: Torques) -> tuple[Windows | None, dict[str, 
     if cut.size:
         near = np.searchsorted(cut, windows.time + WINDOW / 2) > np.searchsorted(cut, windows.time - WINDOW / 2)
         windows = windows.where(~near)
+    for start, end in run.lost.get("torque_out", ()):
+        windows = windows.where((windows.time + WINDOW / 2 < start) | (windows.time - WINDOW / 2 > end))
     drift = torques.drifts.get("torque_out")
     if drift is not None:
         windows = windows.drifting(np.array([drift.change(at) / (drift.rate or drift.step) for at in windows.time]))

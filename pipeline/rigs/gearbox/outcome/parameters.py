@@ -13,7 +13,9 @@ from pipeline.rigs.gearbox.declaration import PARAMETERS, LoadExchangeSettings
 from pipeline.rigs.gearbox.load.friction_fit import Curve, slip_torque_by_input
 from pipeline.rigs.gearbox.load.inertia import NAMES, LoadFit
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
+from pipeline.rigs.gearbox.stages.stage import EventTime
 from pipeline.rigs.gearbox.torques.derived import NO_OFFSET, difference, power, power_assumed, ratio, share
+from pipeline.rigs.gearbox.torques.lost_samples import overlap
 from pipeline.rigs.gearbox.torques.nominal import type_b
 from pipeline.rigs.gearbox.torques.run_torques import NOMINAL_STAGES
 from pipeline.rigs.gearbox.torques.torque_map import Transfer
@@ -28,8 +30,10 @@ _NO_SOS = "there is no settled SOS: the output never stood under load"
 _NO_BRAKE = "the brake did not unlock the gearbox"
 _NO_START = "there is no start-up in the log"
 _PHASES = {
-    "steady": "through the levels of FOS and SOS: the slope of the map only where slipping does not change the drag"
+    "steady": "the line through the levels of FOS (locked) and SOS (slipping), whose drags differ: not the slope a of the locked box"
 }
+# The input torque tells the brake's onset; it must be there within so many seconds of it.
+_NEAR = 0.05
 _STRIBECK = ("c0", "c_s", "w_s", "b0")
 
 
@@ -86,21 +90,22 @@ def _of_load(load: LoadFit | None, names: Sequence[str]) -> list[Estimate]:
 def _transfer(campaign: CampaignNumbers) -> list[Parameter]:
     several = len([run for run in campaign.runs if "brake" in run.transfers]) > 1
     told = "T_00 is a mean over the runs' speeds, with which it changes" if several else ""
-    found = _of_transfer(campaign.transfer, {}, "brake rises of all runs, total least squares", told)
+    found = _of_transfer(
+        campaign.transfer, {}, "brake rises of all runs, total least squares", told, reason=campaign.no_slope
+    )
     for run in campaign.runs:
         for phase, transfer in run.transfers.items():
-            found += _of_transfer(
-                transfer, {"run": run.name, "phase": phase}, "total least squares", _PHASES.get(phase, "")
-            )
+            words = _PHASES.get(phase, "")
+            at: OperatingPoint = {"run": run.name, "phase": phase}
+            found += _of_transfer(transfer, at, "total least squares", words, slope_told=words)
     return found
 
 
 def _of_transfer(
-    transfer: Transfer | None, at: OperatingPoint, method: str, told: str = "", slope_told: str = ""
+    transfer: Transfer | None, at: OperatingPoint, method: str, told: str = "", slope_told: str = "", reason: str = ""
 ) -> list[Parameter]:
     names = ("torque_transfer_slope", "torque_transfer_intercept")
     if transfer is None:
-        reason = "no brake rise between locked steady motion and unlock was found, or it is saturated"
         return [parameter(undetermined(name, reason), at) for name in names]
     found = [
         parameter(estimate(names[0], transfer.slope, transfer.slope_error, dof=transfer.dof), at, slope_told, method)
@@ -183,7 +188,8 @@ def _torques(run: RunNumbers, settings: LoadExchangeSettings) -> list[Parameter]
             at = {"run": run.name, "stage": stage}
             peak = run.peaks.get((quantity, stage))
             if peak is None:
-                found.append(parameter(undetermined(f"{quantity}_peak", missing), at))
+                reason = run.torques.withheld.get((quantity, stage), missing)
+                found.append(parameter(undetermined(f"{quantity}_peak", reason), at))
                 continue
             one = Estimate(f"{quantity}_peak", peak.value)
             if not unknown and not peak.saturated:
@@ -252,6 +258,8 @@ def _shares(run: RunNumbers) -> list[Parameter]:
 
 def _no_level(run: RunNumbers, quantity: str, stage: str) -> str:
     """Say why a stage has no nominal torque."""
+    if (quantity, stage) in run.torques.withheld:
+        return run.torques.withheld[quantity, stage]
     if (quantity, stage) in run.torques.cut:
         return f"{quantity} is saturated in {stage.upper().replace('_', ' ')}: only a lower bound of its level is known"
     if stage in run.run.stages:
@@ -267,6 +275,8 @@ def _missing(run: RunNumbers, stage: str, *quantities: str) -> str:
 
 
 def _no_peak(run: RunNumbers, quantity: str, stage: str) -> str:
+    if (quantity, stage) in run.torques.withheld:
+        return run.torques.withheld[quantity, stage]
     if run.saturated(quantity, stage):
         return "the peak is saturated: only a lower bound of it is known"
     return _NO_BRAKE if stage == "brake" else _NO_START
@@ -315,7 +325,9 @@ def _lock(run: RunNumbers, campaign: CampaignNumbers) -> list[Parameter]:
     lock = campaign.lock[run.name]
     if "sos" in run.run.stages and not slip.determined and ("torque_out", "sos") not in run.levels:
         slip = undetermined("slip_torque", _missing(run, "sos", "torque_out"))
-    if run.saturated("torque_in", "brake"):
+    if ("unlock", "brake") in run.torques.withheld:
+        lock = undetermined("lock_torque", run.torques.withheld["unlock", "brake"])
+    elif run.saturated("torque_in", "brake"):
         lock = undetermined("lock_torque", _no_peak(run, "torque_in", "brake"))
     return [
         parameter(lock, at, method="peak, without ripple and what noise adds to it, less T_0"),
@@ -328,9 +340,18 @@ def _events(run: RunNumbers) -> list[Parameter]:
     for event in _EVENTS:
         time = run.segmentation.events.get(event)  # type: ignore[call-overload]
         own = undetermined("event_time", "it did not happen or cannot be seen") if time is None else None
+        lost = run.torques.withheld.get(("event", "brake"), "")
+        if lost and (event == "unlock" or (event == "brake_onset" and _lost_at(run, time))):
+            own = undetermined("event_time", lost)
         one = own or estimate("event_time", time.time, time.sd)
         found.append(parameter(one, {"run": run.name, "event": event}))
     return found
+
+
+def _lost_at(run: RunNumbers, event: EventTime | None) -> bool:
+    """Tell whether the input torque tells nothing at an event."""
+    around = 0.0 if event is None else event.time
+    return overlap(run.run.lost.get("torque_in", ()), (around - _NEAR, around + _NEAR)) > 0
 
 
 def models_of(campaign: CampaignNumbers) -> list[ModelResult]:

@@ -104,7 +104,9 @@ def _locked(said: Judgement, campaign: CampaignNumbers, vibration: Mapping[str, 
 def _sensors(said: Judgement, campaign: CampaignNumbers, settings: LoadExchangeSettings) -> None:
     transfer = campaign.transfer
     if transfer is None:
-        said.warn("The sensors' consistency cannot be checked: no brake rise gives the slope of the torque map.")
+        said.warn(
+            f"The sensors' consistency cannot be checked, as nothing gives the slope of the torque map: {campaign.no_slope}."
+        )
         return
     off = abs(transfer.slope - 1.0)
     low, high = (transfer.slope - limit for limit in _SLOPES)

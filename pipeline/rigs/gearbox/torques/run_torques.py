@@ -14,6 +14,7 @@ import numpy as np
 from pipeline.rigs.gearbox.aligned_run import AlignedRun, Span
 from pipeline.rigs.gearbox.record import TORQUES
 from pipeline.rigs.gearbox.torques.clipping import NONE, Clip
+from pipeline.rigs.gearbox.torques.lost_samples import overlap
 from pipeline.rigs.gearbox.torques.nominal import Level, level
 from pipeline.rigs.gearbox.torques.offsets import Offset, Offsets
 from pipeline.rigs.gearbox.torques.peaks import ORDER, Peak, peak, steady_noise, unlock_peak
@@ -27,6 +28,10 @@ FOS_STAGES = ("fos", "fos_after")
 _AROUND_PEAK = 0.1
 # Where the brake's onset is not known, so long before the unlock its rise begins, s.
 _RISE = 0.3
+# A mean of which that share is none of the sensor's samples is none. A peak is none where samples are lost this near (s).
+_MEAN_LOST, _PEAK_LOST = 0.1, 0.1
+# Before the brake comes on the encoder tells the ripple's angle for so long (s).
+_LEAD = 0.5
 # The low-pass settles within this time; steps to draw its answer in, s.
 _SETTLES, _FINE = 0.2, 5e-4
 
@@ -51,6 +56,9 @@ class Torques:
         By channel: samples at an end stop.
     cut
         Levels that are left out for such samples.
+    withheld
+        By (quantity, stage): why a number is left out that lost samples would falsify. Quantities are the torques (their
+        peak in `startup` and `brake`, else their level), `slope`, `unlock` and, where the input torque is lost, `event`.
     """
 
     levels: Mapping[Key, Level] = field(default_factory=dict)
@@ -60,6 +68,7 @@ class Torques:
     drifts: Mapping[str, Drift] = field(default_factory=dict)
     clips: Mapping[str, Clip] = field(default_factory=dict)
     cut: frozenset[Key] = frozenset()
+    withheld: Mapping[Key, str] = field(default_factory=dict)
 
     @property
     def steady(self) -> list[Span]:
@@ -82,23 +91,28 @@ def torques_of(
         Of the output shaft in FOS and of the input shaft in SOS, rad/s; NaN or 0 where unknown.
     """
     levels, cut = _levels(run, clips, speed_out, speed_in)
-    steady = Torques(levels).steady
+    withheld = _lost_levels(run, levels) | _lost_rise(run)
+    levels = {key: one for key, one in levels.items() if key not in withheld}
+    steady = [span for span in Torques(levels).steady if not any(_mostly_lost(run, name, span) for name in TORQUES)]
     drifts = _drifts(run, offsets, steady)
     # What a drift leaves open concerns runs whose zero was not seen again at the end.
     open_ = {name: drift for name, drift in drifts.items() if not _seen_again(getattr(offsets, name))}
     peaks = _peaks(run, levels, clips)
+    withheld |= _lost_startup(run, peaks)
+    peaks = {key: one for key, one in peaks.items() if key not in withheld}
     transfers = _transfers(run, steady, clips, open_)
+    transfers = {phase: one for phase, one in transfers.items() if ("slope", phase) not in withheld}
     widened = {key: _widened_level(one, open_.get(key[0])) for key, one in levels.items()}
     steady_slopes = _steady_transfers(widened)
     slopes = {**transfers, **steady_slopes}
     if not offsets.known:
         slopes = {phase: replace(one, intercept=math.nan, intercept_error=math.nan) for phase, one in slopes.items()}
-    unlock = _unlock(run, levels)
+    unlock = None if ("unlock", "brake") in withheld else _unlock(run, levels)
     return Torques(
         widened,
         {key: _widened_peak(one, open_.get(key[0])) for key, one in peaks.items()},
         None if unlock is None else _widened_peak(unlock, open_.get("torque_in")),
-        slopes, drifts, clips, cut,
+        slopes, drifts, clips, cut, withheld,
     )  # fmt: skip
 
 
@@ -121,6 +135,73 @@ def _levels(
             else:
                 found[name, stage] = one
     return found, frozenset(cut)
+
+
+def _told(name: str, span: Span) -> str:
+    return f"{name} tells nothing from {span[0]:.5g} to {span[1]:.5g} s"
+
+
+def _mostly_lost(run: AlignedRun, name: str, span: Span) -> bool:
+    return overlap(run.lost.get(name, ()), span) > _MEAN_LOST * (span[1] - span[0])
+
+
+def _lost_levels(run: AlignedRun, levels: Mapping[Key, Level]) -> dict[Key, str]:
+    """Return the means of which too much is none of the sensor's."""
+    found = {}
+    for (name, stage), one in levels.items():
+        lost = run.lost.get(name, ())
+        # What an end of the stage lost the settled part lacks.
+        span = run.stages[stage]
+        if _mostly_lost(run, name, one.span):
+            worst = max(lost, key=lambda each: overlap([each], span))
+            found[name, stage] = f"{_told(name, worst)}, in {stage.upper().replace('_', ' ')}"
+    return found
+
+
+def _lost_rise(run: AlignedRun) -> dict[Key, str]:
+    """Return what cannot be told of the brake's rise since torques or encoder tell nothing in it."""
+    rise = _rise(run)
+    if rise is None:
+        return {}
+    found: dict[Key, str] = {}
+    where = "where the brake comes on and the lock breaks"
+    around = (rise[0] - _PEAK_LOST, rise[1] + _PEAK_LOST)
+    for name in TORQUES:
+        lost = [span for span in run.lost.get(name, ()) if overlap([span], around) > 0]
+        if lost:
+            text = f"{_told(name, lost[0])}, {where}"
+            found[name, "brake"] = text
+            found.setdefault(("slope", "brake"), text)
+            if name == "torque_in":
+                found["unlock", "brake"] = found["event", "brake"] = text
+    for span in run.gaps:
+        # Ripple is taken off by the angle of the encoder.
+        if overlap([span], (rise[0] - _LEAD, rise[1] + _PEAK_LOST)) > 0:
+            text = f"{_told('the encoder', span)}, {where}"
+            found.setdefault(("slope", "brake"), text)
+            found.setdefault(("unlock", "brake"), text)
+    return found
+
+
+def _lost_startup(run: AlignedRun, peaks: Mapping[Key, Peak]) -> dict[Key, str]:
+    """Return what cannot be told of the start-up: peaks near a loss, slopes of which some part is lost."""
+    if "startup" not in run.stages:
+        return {}
+    span = run.stages["startup"]
+    found: dict[Key, str] = {}
+    for name in TORQUES:
+        lost = [each for each in run.lost.get(name, ()) if overlap([each], span) > 0]
+        one = peaks.get((name, "startup"))
+        for each in lost:
+            near = one is not None and overlap([each], (one.time - _PEAK_LOST, one.time + _PEAK_LOST)) > 0
+            if near or each[1] - each[0] > 2 * _PEAK_LOST:
+                found[name, "startup"] = f"{_told(name, each)}, in the start-up"
+        if lost:
+            found["slope", "startup"] = f"{_told(name, lost[0])}, in the start-up"
+    for each in run.gaps:
+        if overlap([each], span) > 0:
+            found["slope", "startup"] = f"{_told('the encoder', each)}, in the start-up"
+    return found
 
 
 def _seen_again(offset: Offset | None) -> bool:
