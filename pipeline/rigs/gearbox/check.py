@@ -29,5 +29,9 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
     found += speed_faults(numbers)
     if errors_of(found):
         return tuple(found)
-    told = [p for p in (*numbers.alignment.problems, *numbers.segmentation.problems) if p not in counts.problems]
+    told = [
+        p
+        for p in (*numbers.broken_off, *numbers.alignment.problems, *numbers.segmentation.problems)
+        if p not in counts.problems
+    ]
     return (*found, *(QualityFinding(p.level, p.message, record.run, None, p.span) for p in told))

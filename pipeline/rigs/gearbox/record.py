@@ -156,8 +156,8 @@ def _signal(recording: Recording, names: Sequence[str], findings: list[QualityFi
         if not good.all():
             lost = own[~good]
             text = (
-                f"{(~good).sum()} samples of {name} from {lost.min():.5g} to {lost.max():.5g} s are no numbers; straight lines were put in "
-                "their place"
+                f"{(~good).sum()} samples are no numbers ({name}, {lost.min():.5g} to {lost.max():.5g} s); straight lines were put in their "
+                "place"
             )
             findings.append(
                 QualityFinding("warning", text, recording.run, name, (float(lost.min()), float(lost.max())))

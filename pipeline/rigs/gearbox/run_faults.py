@@ -40,6 +40,7 @@ def run_faults(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFind
     """Return what is wrong with a run whose channels are sound."""
     encoder = COUNT if run.record.has_counts else SPEED
     return [
+        *_told(run, run.broken_off, None),
         *_told(run, run.counts.problems, encoder),
         *_told(run, run.alignment.problems, None),
         *_told(run, [one for one in run.segmentation.problems if one not in run.counts.problems], None),

@@ -13,13 +13,14 @@ import numpy as np
 
 from pipeline.rigs.gearbox.aligned_run import AlignedRun, ZeroOffset
 from pipeline.rigs.gearbox.clocks.alignment import Alignment, align
+from pipeline.rigs.gearbox.common_time import break_off, common_time
 from pipeline.rigs.gearbox.load.checks import inertia_parts
 from pipeline.rigs.gearbox.load.inertia import LoadFit, load_parameters
 from pipeline.rigs.gearbox.load.load_windows import WINDOW, Windows, free_spans, modulated
 from pipeline.rigs.gearbox.record import TORQUES, Record
 from pipeline.rigs.gearbox.stages.counts import Counts, counts_of
 from pipeline.rigs.gearbox.stages.segmentation import segment
-from pipeline.rigs.gearbox.stages.stage import Segmentation
+from pipeline.rigs.gearbox.stages.stage import Problem, Segmentation
 from pipeline.rigs.gearbox.torques.clipping import clip_of
 from pipeline.rigs.gearbox.torques.derived import Torque
 from pipeline.rigs.gearbox.torques.lost_samples import lost_samples
@@ -47,6 +48,8 @@ class RunNumbers:
         Mean output speed in FOS and its standard error, rad/s.
     speed_in
         Input speed in SOS.
+    broken_off
+        Logs that end before others.
     """
 
     record: Record
@@ -61,6 +64,7 @@ class RunNumbers:
     load_parts: Mapping[str, LoadFit] = field(default_factory=dict)
     speed_out: tuple[float, float] = (math.nan, math.nan)
     speed_in: InputSpeed | None = None
+    broken_off: tuple[Problem, ...] = ()
 
     @property
     def name(self) -> str:
@@ -138,7 +142,9 @@ class RunNumbers:
 
 def numbers_of(record: Record) -> RunNumbers:
     """Return the numbers of one run."""
+    record, lasting = break_off(record)
     record, alignment = align(record)
+    record, ended = common_time(record)
     segmentation = segment(record)
     offsets = zero_offsets(record, segmentation)
     counts = counts_of(record)
@@ -151,7 +157,7 @@ def numbers_of(record: Record) -> RunNumbers:
     windows, parts = _load(run, torques)
     return RunNumbers(
         record, alignment, segmentation, offsets, counts, run, torques,
-        windows, None if windows is None else load_parameters([windows]), parts, speed_out, speed_in,
+        windows, None if windows is None else load_parameters([windows]), parts, speed_out, speed_in, (*lasting, *ended),
     )  # fmt: skip
 
 
