@@ -73,11 +73,50 @@ def test_a_gain_of_power_is_told():
 
 def test_warming_up_over_the_runs_is_told():
     order, errors = np.arange(8.0), np.full(8, 0.005)
-    drift = checks.run_order(0.005 * order - 0.0175, errors, "T_0", "N m")
+    dofs = np.full(8, 20.0)
+    drift = checks.run_order(0.005 * order - 0.0175, errors, dofs, "T_0", "N m")
     assert drift.failed
     assert "+0.005 N m from run to run" in drift.text
-    assert not checks.run_order(np.array([1, -1, 1, -1, 1, -1, 1, -1]) * 0.005, errors, "T_0", "N m").failed
-    assert checks.run_order(order[:3], errors[:3], "T_0", "N m") is None
+    assert not checks.run_order(np.array([1, -1, 1, -1, 1, -1, 1, -1]) * 0.005, errors, dofs, "T_0", "N m").failed
+    assert checks.run_order(order[:3], errors[:3], dofs[:3], "T_0", "N m") is None
+
+
+def test_runs_in_the_order_of_their_speed_leave_open_what_the_trend_is_over():
+    order, errors, dofs = np.arange(8.0), np.full(8, 0.005), np.full(8, 20.0)
+    sorted_, mixed = 6.0 + 3.0 * order, np.array([3, 7, 1, 5, 0, 6, 2, 4.0])
+    for speeds, told in ((sorted_, True), (mixed, False)):
+        drift = checks.run_order(0.005 * order, errors, dofs, "T_0", "N m", speeds)
+        assert drift.failed
+        assert ("depends on speed" in drift.text) is told
+
+
+@pytest.mark.parametrize("runs", [4, 5, 8])
+@pytest.mark.parametrize("dof", [3, 10, 30])
+def test_chance_makes_no_trend_over_the_runs_more_often_than_its_level(runs, dof):
+    """Errors are estimates of `dof` degrees of freedom; at 3 sigma one sound campaign in 370 may be accused."""
+    rng = np.random.default_rng(100 * runs + dof)
+    accused = 0
+    for _ in range(1500):
+        sigma = np.exp(rng.uniform(-0.7, 0.7, runs))
+        errors = sigma * np.sqrt(rng.chisquare(dof, runs) / dof)
+        values = sigma * rng.standard_normal(runs)
+        accused += checks.run_order(values, errors, np.full(runs, float(dof)), "J", "").failed
+    assert accused <= 9  # of 4 expected
+
+
+def test_a_run_with_another_slope_is_named():
+    def transfers(*slopes, error=0.01):
+        return {f"g{i}": Transfer("brake", a, error, 0.4, 0.02, 20.0) for i, a in enumerate(slopes, 1)}
+
+    check = checks.same_slope(transfers(0.95, 0.55))
+    assert check.failed
+    assert "run g1 has 0.950, run g2 0.550" in check.text
+    check = checks.same_slope(transfers(0.95, 0.96, 0.55, 0.94))
+    assert check.failed
+    assert "run g3 has 0.550, the others 0.95" in check.text
+    assert not checks.same_slope(transfers(0.95, 0.97, 0.96)).failed
+    assert not checks.same_slope(transfers(0.95, 0.55, error=0.2)).failed
+    assert checks.same_slope(transfers(0.95)) is None
 
 
 @pytest.mark.parametrize(("amplitude", "fails"), [(0.03, False), (0.3, True)])

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate
-from pipeline.rigs.gearbox.load.checks import load_law, same_inertia
+from pipeline.rigs.gearbox.load.checks import Misfit, load_law, same_inertia, same_slope
 from pipeline.rigs.gearbox.load.friction_fit import Curve, drag_curve, shared_covariance, slip_line
 from pipeline.rigs.gearbox.load.inertia import LoadFit, load_parameters
 from pipeline.rigs.gearbox.load.load_windows import Windows
@@ -31,7 +31,8 @@ class CampaignNumbers:
     runs
         One entry a run, in the order of the campaign.
     transfer
-        The brake rises of all runs together, or where there are none the loaded FOS; `phases` those of each phase.
+        The brake rises of all runs together, or where there are none the loaded FOS; `phases` those of each phase. None
+        where the runs have no common slope: `unlike` says so, and T_0, lock and slip torque rest on that of their own run.
     load
         J_L, d0, d1 of all runs together; `mixed` where their inertias differ so much that they have no common one.
     drag, lock, slip
@@ -50,6 +51,7 @@ class CampaignNumbers:
     drag_law: Curve | None
     slip_law: Curve | None
     mixed: bool = False
+    unlike: Misfit | None = None
 
     @property
     def slope(self) -> Slope | None:
@@ -59,6 +61,8 @@ class CampaignNumbers:
     @property
     def no_slope(self) -> str:
         """Say why the slope is not known: what was lost in the rises, else that there are none."""
+        if self.unlike is not None and self.unlike.failed:
+            return self.unlike.text
         lost = [
             (run.name, run.torques.withheld["slope", "brake"])
             for run in self.runs
@@ -85,8 +89,11 @@ def campaign_of(runs: Sequence[RunNumbers]) -> CampaignNumbers:
         together = pooled([run.transfers[phase] for run in runs if phase in run.transfers], phase)
         if together is not None:
             phases[phase] = together
-    transfer = phases.get("brake") or phases.get("loaded")
-    slope = _slope(transfer)
+    rises = {run.name: run.transfers["brake"] for run in runs if "brake" in run.transfers}
+    unlike = same_slope(rises)
+    common = None if unlike is not None and unlike.failed else phases.get("brake") or phases.get("loaded")
+    slope = _slope(common)
+    slopes = {run.name: _slope(common or rises.get(run.name)) for run in runs}
     windows = [run.windows for run in runs if run.windows is not None]
     # A zero offset that is unknown goes into d0: such runs count only where there are no others.
     zeroed = [run.windows for run in runs if run.windows is not None and run.zeroed]
@@ -94,8 +101,8 @@ def campaign_of(runs: Sequence[RunNumbers]) -> CampaignNumbers:
     for run in runs:
         fos_in, fos_out = run.level("torque_in", "fos"), run.level("torque_out", "fos")
         sos_in, sos_out = run.level("torque_in", "sos"), run.level("torque_out", "sos")
-        drag[run.name] = drag_locked(fos_in, fos_out, slope)
-        slip[run.name] = slip_torque(sos_in, sos_out, fos_in, fos_out, slope)
+        drag[run.name] = drag_locked(fos_in, fos_out, slopes[run.name])
+        slip[run.name] = slip_torque(sos_in, sos_out, fos_in, fos_out, slopes[run.name])
     load = _load(zeroed or windows, bool(zeroed))
     reason = _mixed(runs)
     if load is not None and reason:
@@ -104,10 +111,10 @@ def campaign_of(runs: Sequence[RunNumbers]) -> CampaignNumbers:
     for run in runs:
         fos_in, fos_out = run.level("torque_in", "fos"), run.level("torque_out", "fos")
         grown = _drag_grown(run, drag[run.name], law)
-        lock[run.name] = lock_torque(run.unlocking, fos_in, fos_out, slope, grown)
+        lock[run.name] = lock_torque(run.unlocking, fos_in, fos_out, slopes[run.name], grown)
     return CampaignNumbers(
-        runs, transfer, phases, load, drag, lock, slip, law,
-        _slip_law(runs, slip, slope), bool(reason),
+        runs, common, phases, load, drag, lock, slip, law,
+        _slip_law(runs, slip, slope), bool(reason), unlike,
     )  # fmt: skip
 
 

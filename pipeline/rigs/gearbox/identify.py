@@ -109,13 +109,19 @@ def _campaign_faults(campaign: CampaignNumbers) -> list[QualityFinding]:
     load = campaign.load
     windows = [run.windows for run in campaign.runs if run.windows is not None]
     if load is None:
-        return []
+        return _failed([campaign.unlike])
     single = {run.name: run.load for run in campaign.runs if run.load is not None}
-    misfits: list[Misfit | None] = [load_law(windows, load), same_inertia(single)]
+    misfits: list[Misfit | None] = [campaign.unlike, load_law(windows, load), same_inertia(single)]
     if len(single) > 3 and not campaign.mixed:
         values = np.array([float(one.values[0] - load.values[0]) for one in single.values()])
         errors = np.array([float(one.covariance.std_error[0]) for one in single.values()])
-        misfits.append(run_order(values, errors, "the load's inertia", "kg m2"))
+        dofs = np.array([one.covariance.dof for one in single.values()])
+        speeds = np.array([run.speed for run in campaign.runs if run.name in single])
+        misfits.append(run_order(values, errors, dofs, "the load's inertia", "kg m2", speeds))
+    return _failed(misfits)
+
+
+def _failed(misfits: Sequence[Misfit | None]) -> list[QualityFinding]:
     return [
         QualityFinding("warning", f"{one.text} ({one.value:+.1f} {one.unit}, limit {one.limit:.1f})")
         for one in misfits

@@ -24,6 +24,10 @@ _LEVEL = 0.9973
 # The gearbox's own inertia may take this share off the slope found in a start-up.
 _OWN_INERTIA = 0.05
 _RIPPLE_SHARE = 0.2
+# Runs whose speed and order correlate by more than that are sorted by speed.
+_SORTED = 0.8
+# Slopes that differ by less are one, as drag in proportion to load allows; so do those of runs at other speeds.
+_ONE_SLOPE = 0.05
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,49 @@ def dissipated_power(torque_in: Level, torque_out: Level, speed: float) -> Misfi
     )
 
 
+def same_slope(transfers: Mapping[str, Transfer]) -> Misfit | None:
+    """Ask whether the torque map has one slope in all runs, and name the run that has another.
+
+    Parameters
+    ----------
+    transfers
+        Slope of each run by its name.
+
+    Returns
+    -------
+    None below two runs. The value is the largest distance of a run from all others together; its limit knows how
+    many runs were looked at.
+    """
+    known = {run: one for run, one in transfers.items() if one.slope_error > 0}
+    if len(known) < 2:
+        return None
+    value = np.array([one.slope for one in known.values()])
+    error = np.array([one.slope_error for one in known.values()])
+    odd, distance, others = _odd_one(value, np.hypot(error, _ONE_SLOPE / 2 * np.median(value)))
+    runs = list(known)
+    who = f"run {runs[odd]} has {value[odd]:.3f}, the others {others:.3f}"
+    if len(runs) == 2:
+        who = f"run {runs[0]} has {value[0]:.3f}, run {runs[1]} {value[1]:.3f}"
+    dof = min(one.dof for one in known.values())
+    return Misfit(
+        "slope of the runs",
+        distance,
+        t_quantile(dof, 1.0 - (1.0 - _LEVEL) / len(runs)),
+        f"the runs do not have one slope of the torque map: {who}. The gain of a torque sensor was changed between them, or the unit of "
+        "one run's torque",
+    )
+
+
+def _odd_one(value: np.ndarray, error: np.ndarray) -> tuple[int, float, float]:
+    """Return which value lies farthest from the weighted mean of the others, its distance in standard errors, and that mean."""
+    weight = error**-2.0
+    rest = weight.sum() - weight
+    others = (weight @ value - weight * value) / rest
+    distance = (value - others) / np.sqrt(error**2 + 1.0 / rest)
+    odd = int(np.argmax(np.abs(distance)))
+    return odd, float(distance[odd]), float(others[odd])
+
+
 def same_inertia(fits: Mapping[str, LoadFit]) -> Misfit | None:
     """Ask whether all runs move the same inertia, and name the run that does not.
 
@@ -134,50 +181,63 @@ def same_inertia(fits: Mapping[str, LoadFit]) -> Misfit | None:
         return None
     value = np.array([fit.values[0] for fit in known.values()])
     error = np.array([fit.covariance.std_error[0] for fit in known.values()])
-    weight = error**-2.0
-    # Of each run against the mean of the others.
-    others = (weight @ value - weight * value) / (weight.sum() - weight)
-    distance = (value - others) / np.sqrt(error**2 + 1.0 / (weight.sum() - weight))
-    odd = int(np.argmax(np.abs(distance)))
+    odd, distance, others = _odd_one(value, error)
     dof = min(fit.covariance.dof for fit in known.values())
     runs = list(known)
-    who = f"run {runs[odd]} moves {1e3 * value[odd]:.4g} g m2, the others {1e3 * others[odd]:.4g} g m2"
+    who = f"run {runs[odd]} moves {1e3 * value[odd]:.4g} g m2, the others {1e3 * others:.4g} g m2"
     if len(runs) == 2:
         who = f"run {runs[0]} moves {1e3 * value[0]:.4g} g m2, run {runs[1]} {1e3 * value[1]:.4g} g m2"
     return Misfit(
         "inertia of the runs",
-        float(distance[odd]),
+        distance,
         t_quantile(dof, 1.0 - (1.0 - _LEVEL) / len(runs)),
         f"the runs do not move the same inertia: {who}. Another flywheel, another gain of torque_out, or a brake that rubs",
     )
 
 
-def run_order(values: np.ndarray, errors: np.ndarray, what: str, unit: str) -> Misfit | None:
+def run_order(
+    values: np.ndarray, errors: np.ndarray, dofs: np.ndarray, what: str, unit: str, speeds: np.ndarray | None = None
+) -> Misfit | None:
     """Look for a trend over the order of the runs in what their fit leaves over.
 
     Parameters
     ----------
-    values, errors
-        Residual of each run and its standard error, shape (n,), in the order they were run.
+    values, errors, dofs
+        Residual of each run, its standard error and the error's degrees of freedom, shape (n,), in the order they were run.
     what, unit
         Of the values, for the text.
+    speeds
+        Of the runs, shape (n,): a trend over runs in the order of their speed may be one over speed.
 
     Returns
     -------
     None below four runs.
+
+    Notes
+    -----
+    Few runs and errors that are estimates themselves make trends by chance: the trend's error is that of the runs' own
+    errors (Welch-Satterthwaite) or that of their scatter about the line, whichever is larger, with Student's t of its
+    degrees of freedom. Equal weights: a run is not the surer for an error that is small by chance.
     """
     if values.size < 4:
         return None
     order = np.arange(values.size, dtype=float)
-    weight = 1 / np.square(errors)
-    centred = order - (weight @ order) / weight.sum()
-    information = float(weight @ centred**2)
-    slope = float(weight @ (centred * values)) / information
+    centred = order - order.mean()
+    information = float(centred @ centred)
+    slope = float(centred @ values) / information
+    left = values - values.mean() - slope * centred
+    spread = math.sqrt(float(left @ left) / (values.size - 2) / information)
+    shares = (centred * errors / information) ** 2
+    own = math.sqrt(float(shares.sum()))
+    error, dof = (own, own**4 / float((shares**2 / dofs).sum())) if own >= spread else (spread, values.size - 2.0)
+    why = "the rig warms up or wears"
+    if speeds is not None and abs(float(np.corrcoef(order, speeds)[0, 1])) > _SORTED:
+        why = f"{why}, or, since the runs stand in the order of their speed, it depends on speed"
     return Misfit(
         f"{what} over the runs",
-        slope * math.sqrt(information),
-        _SIGMAS,
-        f"{what} changes by {slope:+.2g} {unit} from run to run in the order of the runs: the rig warms up or wears",
+        slope / error,
+        t_quantile(dof, _LEVEL),
+        f"{what} changes by {slope:+.2g} {unit} from run to run in the order of the runs: {why}",
     )
 
 

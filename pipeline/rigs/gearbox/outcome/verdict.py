@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pipeline.errors import counted, listing
+from pipeline.estimation.uncertainty import t_quantile
 from pipeline.findings import Parameter, Verdict
 from pipeline.recording import QualityFinding
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
@@ -23,6 +24,8 @@ from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers
 _TOLD = 4
 # Slope of the torque map that a bench can have (section 5.6).
 _SLOPES = (0.2, 1.05)
+# A slope whose interval reaches farther to either side tells no more than that there is one.
+_VAGUE = 0.1
 # Inertias that differ by less are one; shaft, coupling and brake disc add up to the second share to a flywheel.
 _ALIKE, _MORE = 0.05, 0.25
 
@@ -103,6 +106,11 @@ def _locked(said: Judgement, campaign: CampaignNumbers, vibration: Mapping[str, 
 
 def _sensors(said: Judgement, campaign: CampaignNumbers, settings: LoadExchangeSettings) -> None:
     transfer = campaign.transfer
+    if transfer is None and campaign.unlike is not None and campaign.unlike.failed:
+        said.warn(
+            f"The sensors are not consistent: {campaign.unlike.text}. T_0, lock and slip torque rest on the slope of their own run."
+        )
+        return
     if transfer is None:
         said.warn(
             f"The sensors' consistency cannot be checked, as nothing gives the slope of the torque map: {campaign.no_slope}."
@@ -116,8 +124,15 @@ def _sensors(said: Judgement, campaign: CampaignNumbers, settings: LoadExchangeS
             "unit of a torque sensor is wrong, and so is what follows from both torques."
         )
         return
-    told = f"The torque map has slope {transfer.slope:.3f} ± {1.96 * transfer.slope_error:.2g}"
-    if off <= settings.slope_tolerance or off <= 2.0 * transfer.slope_error:
+    half = t_quantile(transfer.dof) * transfer.slope_error
+    told = f"The torque map has slope {transfer.slope:.3f} ± {half:.2g}"
+    if off <= half and half > _VAGUE:
+        said.warn(f"{told}: too uncertain to tell whether the box is rigid and the sensors' gains are right.")
+        said.advice.append(
+            "Repeat the brake cycle with less noise, a slower brake or a higher speed: the slope needs a clear rise."
+        )
+        return
+    if off <= settings.slope_tolerance or off <= half:
         said.reasons.append(f"{told}: as a rigid box has.")
         return
     said.warn(
@@ -179,7 +194,8 @@ def _inertia(said: Judgement, campaign: CampaignNumbers) -> None:
         for run in campaign.runs
         if isinstance(inertia := run.record.conditions.get("flywheel_inertia"), int | float)
     ]
-    told = f"The load's inertia is {1e3 * value:.4g} ± {1.96e3 * error:.2g} g m2; it trades off with the gain of torque_out"
+    half = t_quantile(load.covariance.dof) * error
+    told = f"The load's inertia is {1e3 * value:.4g} ± {1e3 * half:.2g} g m2; it trades off with the gain of torque_out"
     if not known:
         said.reasons.append(f"{told}, which a known added inertia would break.")
         said.advice.append(
