@@ -25,6 +25,8 @@ from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers
 # Output torque in FOS that grows by more than that share: the brake may still rub. Less is warming up or drift, a
 # warning from the second share on.
 _HELD, _DRIFTS = 0.15, 0.05
+# Hum below that share of the torque in FOS is a note.
+_HUMS = 0.1
 # The encoder agrees with the speed that was set within that share.
 _SET = 0.15
 _WARMS = (
@@ -45,6 +47,7 @@ def run_faults(run: RunNumbers, vibration: VibrationNumbers) -> list[QualityFind
         *_told(run, run.alignment.problems, None),
         *_told(run, [one for one in run.segmentation.problems if one not in run.counts.problems], None),
         *_told(run, run.offsets.problems, None),
+        *_hums(run),
         *_still(run),
         *_saturated(run),
         *_drifts(run),
@@ -87,6 +90,19 @@ def speed_faults(run: RunNumbers) -> list[QualityFinding]:
     if borne_out:
         cause = f"yet speed_nominal bears the encoder out; if both are wrong, {cause}"
     return [QualityFinding(grave, f"{told}; {cause}", run.name, channel, run.run.stages.get("fos"))]
+
+
+def _hums(run: RunNumbers) -> list[QualityFinding]:
+    found = []
+    for name, hum in run.hums.items():
+        level = run.levels.get((name, _first_fos(run)))
+        slight = level is not None and hum.amplitude < _HUMS * abs(level.value)
+        text = (
+            f"{name} hums with {hum.amplitude:.2g} N m at {hum.frequency:.4g} Hz all through the log, also at rest: the mains, not the "
+            "gearbox. It was taken off; look at the shield and the ground of the sensor's cable"
+        )
+        found.append(QualityFinding("note" if slight else "warning", text, run.name, name))
+    return found
 
 
 def _still(run: RunNumbers) -> list[QualityFinding]:

@@ -23,6 +23,7 @@ from pipeline.rigs.gearbox.stages.segmentation import segment
 from pipeline.rigs.gearbox.stages.stage import Problem, Segmentation
 from pipeline.rigs.gearbox.torques.clipping import clip_of
 from pipeline.rigs.gearbox.torques.derived import Torque
+from pipeline.rigs.gearbox.torques.hum import Hum, without_hum
 from pipeline.rigs.gearbox.torques.lost_samples import lost_samples
 from pipeline.rigs.gearbox.torques.nominal import Level
 from pipeline.rigs.gearbox.torques.offsets import Offsets, zero_offsets
@@ -50,6 +51,8 @@ class RunNumbers:
         Input speed in SOS.
     broken_off
         Logs that end before others.
+    hums
+        Torque channel -> mains hum that was taken off all its numbers, not off `record`.
     """
 
     record: Record
@@ -65,6 +68,7 @@ class RunNumbers:
     speed_out: tuple[float, float] = (math.nan, math.nan)
     speed_in: InputSpeed | None = None
     broken_off: tuple[Problem, ...] = ()
+    hums: Mapping[str, Hum] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -142,22 +146,25 @@ class RunNumbers:
 
 def numbers_of(record: Record) -> RunNumbers:
     """Return the numbers of one run."""
+    logged = record.torque
+    record, hums = without_hum(record)
     record, lasting = break_off(record)
     record, alignment = align(record)
     record, ended = common_time(record)
+    lost = lost_samples(replace(record, torque=logged))
     segmentation = segment(record)
     offsets = zero_offsets(record, segmentation)
     counts = counts_of(record)
     run = _aligned(record, segmentation, offsets, counts)
-    run = replace(run, rate_sd=alignment.rates, lost=lost_samples(record))
+    run = replace(run, rate_sd=alignment.rates, lost=lost)
     speed_out = _speed_out(run, counts)
     speed_in = input_speed_of(record, run)
-    clips = {name: clip_of(record.torque.time, record.torque[name]) for name in TORQUES}
+    clips = {name: clip_of(logged.time, logged[name]) for name in TORQUES}
     torques = torques_of(run, offsets, clips, speed_out[0], speed_in.value if speed_in else math.nan)
     windows, parts = _load(run, torques)
     return RunNumbers(
-        record, alignment, segmentation, offsets, counts, run, torques,
-        windows, None if windows is None else load_parameters([windows]), parts, speed_out, speed_in, (*lasting, *ended),
+        replace(record, torque=logged), alignment, segmentation, offsets, counts, run, torques,
+        windows, None if windows is None else load_parameters([windows]), parts, speed_out, speed_in, (*lasting, *ended), hums,
     )  # fmt: skip
 
 
