@@ -13,8 +13,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline.rigs.gearbox.clocks.clock_shifts import Part, encoder_parts, vibration_parts
+from pipeline.rigs.gearbox.clocks.clock_shifts import encoder_parts
 from pipeline.rigs.gearbox.clocks.coarse_clocks import FAR, Coarse, encoder_shift, vibration_shift
+from pipeline.rigs.gearbox.clocks.shift_search import Part
+from pipeline.rigs.gearbox.clocks.vibration_shifts import vibration_parts
 from pipeline.rigs.gearbox.record import Record, Signal
 from pipeline.rigs.gearbox.stages.counts import Counts, counts_of
 from pipeline.rigs.gearbox.stages.levels import levels_of
@@ -27,10 +29,13 @@ RATE_SD = 200e-6 / math.sqrt(3.0)
 
 Events of one run tell a drift to some 500 ppm only, so this is what is known where none is applied.
 """
-COARSE_SD = 0.1
-"""Standard error of a shift that only the coarse search tells, s."""
 # A shift is applied from so many standard errors and so many seconds on, a drift from so many standard errors.
-_SURE, _LEAST = 4.0, 0.02
+_SURE, _LEAST = 4.0, 0.01
+# The parts of a run agree up to this reduced chi-squared; without the part that tells most the others must still tell
+# the shift by so many standard errors.
+_AGREE, _ALSO = 5.0, 2.0
+# An unapplied drift of so many standard errors counts as uncertainty of the rate.
+_SEEN = 2.0
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,8 @@ class ClockFit:
         Relative; NaN where only one part of the run tells a shift.
     applied
         Whether the board was moved; what is not clearly off is left as logged. `drift_applied` likewise.
+    disagree
+        Whether the parts of the run contradict each other and the clock as logged: then nothing is moved.
     """
 
     shift: float
@@ -53,6 +60,7 @@ class ClockFit:
     drift_sd: float = math.nan
     applied: bool = False
     drift_applied: bool = False
+    disagree: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,6 +92,18 @@ def align(record: Record) -> tuple[Record, Alignment]:
     spans, _ = spans_of(counts)
     if not any(span.state == "nominal" for span in spans):
         return record, _typical(record, Alignment())
+    moved, encoder, problems = record, None, list[Problem]()
+    if not _shared(record, record.encoder):
+        moved, encoder, problems = _encoder(record, counts, spans)
+    if moved is not record:
+        counts = counts_of(moved)
+        spans, _ = spans_of(counts)
+    moved, vibration, told = _vibration(moved, counts, spans)
+    return moved, _typical(record, Alignment(encoder, vibration, (*problems, *told)))
+
+
+def _encoder(record: Record, counts: Counts, spans: Sequence[Span]) -> tuple[Record, ClockFit | None, list[Problem]]:
+    """Return the record with its encoder moved, the clock of that board, and what to tell."""
     problems: list[Problem] = []
     coarse = encoder_shift(record, counts, spans)
     far, unknown = _far(coarse, "encoder", record.encoder.span)
@@ -93,21 +113,26 @@ def align(record: Record) -> tuple[Record, Alignment]:
         counts = counts_of(moved)
         spans, _ = spans_of(counts)
     stages = _rough(moved, spans)
-    guess = coarse.shift - far if coarse is not None and coarse.sure else None
-    encoder = _clock(encoder_parts(moved, counts, stages, guess), far)
-    if encoder is None and far:
-        encoder = ClockFit(far, COARSE_SD, applied=True)
-    if encoder is None and not _shared(record, record.encoder):
+    guess = coarse.shift - far if coarse is not None and coarse.sure and coarse.needed else None
+    parts = encoder_parts(moved, counts, stages, guess)
+    encoder = _clock(parts, far)
+    if coarse is not None and far and len(parts) < 2:
+        encoder = ClockFit(far, coarse.sd, applied=True)
+    if encoder is None:
         text = "nothing in this run tells the clock of the encoder against that of the torques; it is used as logged"
         problems.append(Problem(record.encoder.span, text, "note"))
-    if encoder is not None and encoder.applied:
+    elif encoder.disagree:
+        text = (
+            f"the clock of the encoder is doubtful: start-up, unlocking, relocking and run-down tell {encoder.shift:+.3f} s (standard "
+            f"error {encoder.shift_sd:.3f} s) against that of the torques, but they do not bear each other out, or only one tells; it is "
+            "used as logged, and what needs both boards is doubtful"
+        )
+        problems.append(Problem(record.encoder.span, text))
+    elif encoder.applied:
         drift = encoder.drift if encoder.drift_applied else 0.0
         moved = record.aligned(record.encoder.on_clock(encoder.shift, drift), record.vibration)
         problems.append(_told("encoder", encoder, record.encoder.span))
-        counts = counts_of(moved)
-        spans, _ = spans_of(counts)
-    moved, vibration, told = _vibration(moved, counts, spans)
-    return moved, _typical(record, Alignment(encoder, vibration, (*problems, *told)))
+    return moved, encoder, problems
 
 
 def _vibration(
@@ -115,13 +140,15 @@ def _vibration(
 ) -> tuple[Record, ClockFit | None, tuple[Problem, ...]]:
     """Return the record with its vibration moved, the clock of that board, and what to tell."""
     log = record.vibration
-    if log is None:
+    if log is None or _shared(record, log):
         return record, None, ()
-    far, problems = _far(vibration_shift(record, counts, spans), "vibration", log.span)
+    coarse = vibration_shift(record, counts, spans)
+    far, problems = _far(coarse, "vibration", log.span)
     moved = record.aligned(record.encoder, log.on_clock(far)) if far else record
-    clock = _clock(vibration_parts(moved, counts, _rough(moved, spans)), far)
-    if clock is None and far:
-        clock = ClockFit(far, COARSE_SD, applied=True)
+    parts = vibration_parts(moved, counts, _rough(moved, spans))
+    clock = _clock(parts, far)
+    if coarse is not None and far and len(parts) < 2:
+        clock = ClockFit(far, coarse.sd, applied=True)
     if clock is None or not clock.applied:
         return moved, clock, tuple(problems)
     drift = clock.drift if clock.drift_applied else 0.0
@@ -159,15 +186,24 @@ def _typical(record: Record, found: Alignment) -> Alignment:
     ):
         if board is None:
             continue
-        rates[name] = (
-            0.0 if _shared(record, board) else clock.drift_sd if clock is not None and clock.drift_applied else RATE_SD
-        )
+        rates[name] = 0.0 if _shared(record, board) else _rate_sd(clock)
     return replace(found, rates=rates)
 
 
+def _rate_sd(clock: ClockFit | None) -> float:
+    """Return the relative standard uncertainty of a rate: a drift that shows and is not applied may be there."""
+    if clock is None or math.isnan(clock.drift):
+        return RATE_SD
+    if clock.drift_applied:
+        return clock.drift_sd
+    return max(RATE_SD, abs(clock.drift)) if abs(clock.drift) > _SEEN * clock.drift_sd else RATE_SD
+
+
 def _shared(record: Record, board: Signal) -> bool:
-    """Tell whether a board's channels were logged with the stamps of the torques."""
-    return board.time.size == record.torque.time.size and np.array_equal(board.time, record.torque.time)
+    """Tell whether a board's channels were logged with the stamps of the torques, but for rows without a number."""
+    if not 0.5 * record.torque.time.size < board.time.size <= record.torque.time.size:
+        return False
+    return bool(np.isin(board.time, record.torque.time).all())
 
 
 def _told(board: str, clock: ClockFit, span: tuple[float, float]) -> Problem:
@@ -181,7 +217,10 @@ def _told(board: str, clock: ClockFit, span: tuple[float, float]) -> Problem:
 
 
 def _clock(parts: Sequence[Part], far: float = 0.0) -> ClockFit | None:
-    """Return the weighted line through the shifts of the parts of a board that was moved by `far` (s) already."""
+    """Return the weighted line through the shifts of the parts of a board that was moved by `far` (s) already.
+
+    Applied is only what independent parts agree on: without the one that tells most, the others must tell it too.
+    """
     if not parts:
         return None
     time, shift, sd = (np.array([getattr(part, name) for part in parts]) for name in ("time", "shift", "sd"))
@@ -194,14 +233,26 @@ def _clock(parts: Sequence[Part], far: float = 0.0) -> ClockFit | None:
         drift = float(weight @ ((time - middle) * left)) / spread
         along = left - drift * (time - middle)
         drift_sd = math.sqrt(_excess(weight, along, len(parts) - 2) / spread)
-        if abs(drift) > _SURE * drift_sd:
-            left = along
-    drifts = len(parts) > 1 and abs(drift) > _SURE * drift_sd
-    error = math.sqrt(_excess(weight, left, len(parts) - 1 - drifts) / float(weight.sum()))
-    off = bool(far) or abs(mean) > max(_SURE * error, _LEAST)
+    drifts = len(parts) > 2 and abs(drift) > _SURE * drift_sd and _excess(weight, along, len(parts) - 2) < _AGREE
+    if drifts:
+        left = along
+    dof = len(parts) - 1 - drifts
+    excess = _excess(weight, left, dof)
+    error = math.sqrt(excess / float(weight.sum()))
+    off = abs(mean) > max(_SURE * error, _LEAST)
+    agree = dof > 0 and excess < _AGREE and _without_best(shift - drift * (time - middle) * drifts, weight) > _ALSO
+    beyond = np.abs(shift) > _SURE * sd
+    contradict = beyond.all() or beyond.sum() > 1
+    disagree = bool(contradict and not (far or drifts or (agree and off)))
     # The drift counts from the board's own zero, which `far` moved.
     start = far + mean - drift * (middle - far) if drifts else far + mean
-    return ClockFit(start, error, drift, drift_sd, bool(off or drifts), bool(drifts))
+    return ClockFit(start, error, drift, drift_sd, bool(far) or (off and agree) or drifts, drifts, disagree)
+
+
+def _without_best(shift: np.ndarray, weight: np.ndarray) -> float:
+    """Return the mean shift of the parts but the one that tells most, in its standard errors."""
+    others = np.arange(weight.size) != np.argmax(weight)
+    return abs(float(weight[others] @ shift[others])) / math.sqrt(float(weight[others].sum()))
 
 
 def _excess(weight: np.ndarray, left: np.ndarray, dof: int) -> float:

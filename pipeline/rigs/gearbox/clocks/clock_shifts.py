@@ -1,50 +1,32 @@
-"""What single parts of a run tell about the clocks of its boards: start-up, unlocking, release, run-down.
+"""What single parts of a run tell about the clock of the encoder: start-up, unlocking, relocking, run-down.
 
-Shifts only; what is made of them is in `alignment`.
+Each part is a law of its own, none rests on another; what is made of them is in `alignment`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from pipeline.estimation.uncertainty import effective_size
+from pipeline.rigs.gearbox.clocks.shift_search import FAR, Part, best_shift
+from pipeline.rigs.gearbox.clocks.unlock_shift import unlock_part
 from pipeline.rigs.gearbox.record import Record
-from pipeline.rigs.gearbox.stages.brake_events import PEAK_CUTOFF
-from pipeline.rigs.gearbox.stages.breaks import find_break, parabola, ramp, step
 from pipeline.rigs.gearbox.stages.counts import Counts, line_slopes
-from pipeline.rigs.gearbox.stages.levels import restlessness
-from pipeline.rigs.gearbox.stages.stage import EventTime, Stage
-from pipeline.signals.filtering import low_pass
+from pipeline.rigs.gearbox.stages.stage import Stage
 from pipeline.signals.periodogram import block_means
 
-# Shifts are looked for this far, s, first in coarse and then in fine steps.
-_FAR, _COARSE, _FINE = 1.5, 0.03, 0.001
 _RATE, _WINDOW, _FEWEST = 100.0, 0.2, 50
-# The parts of a run agree within this; what a smooth bend leaves open on a shift, s; what mesh noise leaves open, as a
-# share of how long slip takes to come or go.
-_NEAR, _BEND, _MESH = 0.15, 0.01, 0.1
-# A shift that the motion as a whole tells is right within this, s.
-_ROUGH = 0.4
-# The shaft bends away already while the lock still holds: the peak of the torque is surely this near, s.
-_UNLOCK = 0.03
-_POWERS = (1, 2, 3)
-# A part of the run has a shift of its own if it explains so much of the torque's variance.
-_EXPLAINED = 0.5
-
-
-@dataclass(frozen=True)
-class Part:
-    """The shift of one part of a run: when (s of the board), how much and with what error (s); what it leaves unexplained."""
-
-    time: float
-    shift: float
-    sd: float
-    misfit: float = 0.0
+# The parts of a run are looked for this near to what all of it tells, s; a shift that the motion as a whole tells
+# roughly is right within the second.
+_NEAR, _ROUGH = 0.2, 0.4
+# A common shift of fewer standard errors is none.
+_UNSURE = 3.0
+# The brake still drags after the output turns; of the release so much before and of steady running behind is used, s.
+_DRAGS, _BEFORE, _BEHIND = 0.5, 0.5, 0.8
 
 
 def encoder_parts(record: Record, counts: Counts, stages: Sequence[Stage], guess: float | None = None) -> list[Part]:
@@ -53,24 +35,32 @@ def encoder_parts(record: Record, counts: Counts, stages: Sequence[Stage], guess
     `guess` is a shift (s) that the motion as a whole tells roughly, None where it tells none.
     """
     free = _FreeMotion(record, counts, stages)
-    unlocks = [part for stage in stages if stage.name == "sos" for part in _unlocked(record, counts, stages, stage)]
-    if guess is not None:
-        unlocks = [part for part in unlocks if abs(part.shift - guess) < _ROUGH]
-    if unlocks:
-        about = float(np.median([part.shift for part in unlocks]))
-    else:
-        common = free.shift(free.spans, (-_FAR, _FAR) if guess is None else (guess - _ROUGH, guess + _ROUGH))
-        if common is None:
-            return []
-        about = common.shift
-    near = (about - _NEAR, about + _NEAR)
-    parts = [*unlocks, *(part for span in free.spans if (part := free.shift([span], near)))]
-    rundown = _run_down(record, counts, stages, about)
-    return [*parts, *([rundown] if rundown else [])]
+    common = free.shift(free.spans, (-FAR, FAR) if guess is None else (guess - _ROUGH, guess + _ROUGH))
+    about = common.shift if common is not None else guess or 0.0
+    if guess is None and common is not None and abs(about) < _UNSURE * common.sd:
+        about = 0.0
+    found = _parts_near(about, free, record, counts, stages)
+    # What little load a run-up makes may fit at many shifts: as logged comes first.
+    if guess is None and abs(about) > _NEAR:
+        as_logged = _parts_near(0.0, free, record, counts, stages)
+        return found if len(found) > 1 and len(as_logged) < 2 else as_logged
+    return found
+
+
+def _parts_near(about: float, free: _FreeMotion, record: Record, counts: Counts, stages: Sequence[Stage]) -> list[Part]:
+    """Return the shifts of the parts of a run near the shift `about`, in the order of time."""
+    parts = free.parts(about)
+    moved = replace(counts, time=counts.time + about, gaps=tuple((a + about, b + about) for a, b in counts.gaps))
+    there = [replace(stage, start=stage.start + about, end=stage.end + about) for stage in stages]
+    for sos in (stage for stage in there if stage.name == "sos"):
+        part = unlock_part(record, moved, there, sos)
+        if part is not None:
+            parts.append(replace(part, time=part.time - about, shift=part.shift + about))
+    return sorted(parts, key=lambda part: part.time)
 
 
 class _FreeMotion:
-    """Start-up and release, where the brake is off: ``T_out = J w' + d_0 + d_1 w`` (eq. A), both sides smoothed alike."""
+    """Start-up, relocking and run-down, the brake off: ``T_out = J w' + d_0 + d_1 w`` (eq. A), both sides smoothed alike."""
 
     def __init__(self, record: Record, counts: Counts, stages: Sequence[Stage]) -> None:
         size = max(round(record.torque.rate / _RATE), 1)
@@ -94,151 +84,46 @@ class _FreeMotion:
         inside = np.any([self._inside(span) for span in spans], axis=0) if spans else np.zeros(1, dtype=bool)
         if inside.sum() < _FEWEST:
             return None
-        return _best_shift(
-            self._grid[inside], self._columns[inside], lambda at: np.interp(at, self._time, self._torque), within
-        )
+        return best_shift(self._grid[inside], self._columns[inside], self._torque_at, within)
+
+    def parts(self, about: float) -> list[Part]:
+        """Return the shift of each span near `about`, read twice: by inertia and drag of all spans, and by its own.
+
+        A single span tells inertia and shift hardly apart where its acceleration changes slowly: how far the two
+        readings differ is part of the error.
+        """
+        inside = np.any([self._inside(span) for span in self.spans], axis=0) if self.spans else np.zeros(1, dtype=bool)
+        if not inside.any():
+            return []
+        found = np.linalg.lstsq(self._columns[inside], self._torque_at(self._grid[inside] + about), rcond=None)[0]
+        driven = self._columns[:, 1:] @ found[1:]
+        near = (about - _NEAR, about + _NEAR)
+        out = []
+        for span in self.spans:
+            own = self._inside(span)
+            columns = np.column_stack([np.ones(own.sum()), driven[own]])
+            one = best_shift(self._grid[own], columns, self._torque_at, near)
+            other = best_shift(self._grid[own], self._columns[own], self._torque_at, near)
+            if found[-1] > 0 and one is not None and other is not None:
+                out.append(replace(one, sd=math.hypot(max(one.sd, other.sd), one.shift - other.shift)))
+        return out
+
+    def _torque_at(self, time: np.ndarray) -> np.ndarray:
+        return np.asarray(np.interp(time, self._time, self._torque))
 
 
 def _free(stages: Sequence[Stage]) -> list[tuple[float, float]]:
-    """Return where the shaft speeds up without brake, with a second of steady speed behind it."""
+    """Return where the speed of the shaft changes without brake, with some steady running beside it."""
     out = []
     for before, after in pairwise(stages):
-        if before.name in ("startup", "release") and after.name.startswith("fos"):
-            # At the begin of the release the brake still drags.
-            start = before.start + (_WINDOW if before.name == "startup" else 0.3 + _WINDOW)
-            out.append((start, min(before.end + 1.0, after.end - 0.3)))
+        if before.name == "startup" and after.name.startswith("fos"):
+            out.append((before.start + _WINDOW, min(before.end + 1.0, after.end - 0.3)))
+        if before.name == "release" and after.name.startswith("fos"):
+            start = max(before.start + _DRAGS, before.end - _BEFORE)
+            out.append((start, min(before.end + _BEHIND, after.end - 0.3)))
+        if after.name == "rundown" and before.name.startswith("fos"):
+            out.append((max(after.start - 1.0, before.start), after.end - 2 * _WINDOW))
     return out
-
-
-def _unlocked(record: Record, counts: Counts, stages: Sequence[Stage], sos: Stage) -> list[Part]:
-    """Return the shift between the peak of the input torque and the bend of the speed as the lock breaks."""
-    i = list(stages).index(sos)
-    before = [stage for stage in stages[:i] if stage.name.startswith("fos")]
-    if not before:
-        return []
-    left = before[-1].end
-    bend = _bend(counts, (max(left - 0.6, before[-1].start), min(left + 0.15, sos.start)))
-    part = record.torque.part(left - _FAR, sos.start + _FAR)
-    if bend is None or part.time.size < 100:
-        return []
-    smooth = low_pass(part.time, part["torque_in"], PEAK_CUTOFF)
-    peak = float(part.time[int(np.argmax(smooth * np.sign(np.median(smooth))))])
-    return [Part(bend.time, peak - bend.time, math.hypot(bend.sd, _UNLOCK))]
-
-
-def _run_down(record: Record, counts: Counts, stages: Sequence[Stage], about: float) -> Part | None:
-    """Return the shift between the fall of the input torque and the bend of the speed at the run-down."""
-    i = next((k for k, stage in enumerate(stages) if stage.name == "rundown"), None)
-    if not i:
-        return None
-    left = stages[i].start
-    bend = _bend(counts, (max(left - 0.8, stages[i - 1].start), min(left + 0.3, stages[i].end)))
-    if bend is None:
-        return None
-    part = record.torque.part(bend.time + about - 1.0, bend.time + about + 0.35)
-    if part.time.size < 100:
-        return None
-    time, level = block_means(part.time, part["torque_in"], max(round(part.rate * 0.005), 1))
-    if time.size < 100 or time[-1] < bend.time + about + 0.25:
-        return None
-    near = (bend.time + about - _NEAR, bend.time + about + _NEAR)
-    fall, (without, fallen) = find_break(time, level, [np.ones_like(time)], [step, ramp], near)
-    if without < 2.0 * fallen:
-        return None
-    return Part(bend.time, fall.time - bend.time, math.hypot(math.hypot(bend.sd, fall.sd), _BEND))
-
-
-def _bend(counts: Counts, span: tuple[float, float]) -> EventTime | None:
-    """Return when a steady speed begins to fall inside `span`."""
-    inside = (counts.time >= span[0]) & (counts.time <= span[1])
-    t, angle = counts.time[inside], counts.angle[inside]
-    if t.size < 20 or span[1] - span[0] < 0.3:
-        return None
-    columns = [np.ones_like(t), t - t[0]]
-    return find_break(t, angle, columns, [parabola], (t[0] + 0.1, t[-1] - 0.03), counts.step / math.sqrt(12))[0]
-
-
-def vibration_parts(record: Record, counts: Counts, stages: Sequence[Stage]) -> list[Part]:
-    """Return the shifts of unlocking and relocking: mesh noise grows with the slip ``w_n - w_2``."""
-    if record.vibration is None:
-        return []
-    restless = restlessness(record.vibration)
-    if not restless.values:
-        return []
-    noise = np.mean(list(restless.values.values()), axis=0)
-    speed = counts.speed()
-    nominal = float(np.percentile(speed, 98))
-    best: list[Part] = []
-    # How mesh noise grows with slip is not known: as the power that explains it best.
-    for power in _POWERS:
-        parts = []
-        for start, end in _exchanges(stages):
-            grid = np.arange(start, end, 0.02)
-            slip = np.clip(1.0 - np.interp(grid, counts.time, speed) / nominal, 0.0, 1.0)
-            columns = np.column_stack([np.ones_like(grid), slip**power])
-            part = _best_shift(grid, columns, lambda at: np.interp(at, restless.time, noise), (-_FAR, _FAR))
-            # The grid is on the torques' clock and the board's is asked for: the shift found is the board's lag.
-            if part is not None:
-                sd = math.hypot(part.sd, _MESH * (end - start - 2.0) + 0.02)
-                parts.append(Part(part.time + part.shift, -part.shift, sd, part.misfit))
-        if parts and (not best or _misfit(parts) < _misfit(best)):
-            best = parts
-    return best
-
-
-def _misfit(parts: Sequence[Part]) -> tuple[int, float]:
-    return -len(parts), sum(part.misfit for part in parts)
-
-
-def _exchanges(stages: Sequence[Stage]) -> list[tuple[float, float]]:
-    """Return where slip comes and goes, with a second of steady motion beside it."""
-    out = []
-    for i, sos in enumerate(stages):
-        if sos.name != "sos":
-            continue
-        before = [stage for stage in stages[:i] if stage.name.startswith("fos")]
-        after = [stage for stage in stages[i + 1 :] if stage.name.startswith("fos")]
-        if before:
-            out.append((max(before[-1].end - 1.0, before[-1].start), min(sos.start + 1.0, sos.end)))
-        if after:
-            out.append((max(sos.end - 1.0, sos.start), min(after[0].start + 1.0, after[0].end)))
-    return out
-
-
-def _best_shift(
-    grid: np.ndarray, columns: np.ndarray, signal: Callable[[np.ndarray], np.ndarray], within: tuple[float, float]
-) -> Part | None:
-    """Return the shift at which the columns explain ``signal(grid + shift)`` best; None where they hardly do."""
-    base, upper = np.linalg.qr(columns)
-
-    def unexplained(shift: float) -> float:
-        y = signal(grid + shift)
-        y = y - y.mean()
-        total = float(y @ y)
-        # The last column (acceleration, slip) drives the signal, it never works against it.
-        along = base.T @ y
-        if total <= 0 or along[-1] * upper[-1, -1] <= 0:
-            return 1.0
-        return (total - float(along @ along)) / total
-
-    low, high = within
-    for pace in (_COARSE, _FINE):
-        shifts = np.arange(low, high + pace, pace)
-        shares = np.array([unexplained(float(shift)) for shift in shifts])
-        best = int(np.argmin(shares))
-        low, high = float(shifts[max(best - 1, 0)]), float(shifts[min(best + 1, shifts.size - 1)])
-    shift = float(shifts[best])
-    if shares[best] > 1.0 - _EXPLAINED or not within[0] + _FINE < shift < within[1] - _FINE:
-        return None
-    y = signal(grid + shift)
-    residual = y - base @ (base.T @ y)
-    slope = (signal(grid + shift + 0.01) - signal(grid + shift - 0.01)) / 0.02
-    slope = slope - base @ (base.T @ slope)
-    independent = effective_size(residual, columns.shape[1])
-    variance = float(residual @ residual) / max(independent - columns.shape[1] - 1, 1.0)
-    information = float(slope @ slope) * independent / grid.size
-    sd = math.sqrt(variance * independent / grid.size / max(information, 1e-30))
-    return Part(float(grid.mean()), shift, sd, float(shares[best]))
 
 
 def _smooth(time: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,10 @@ _LEFT, _BETTER, _APART, _DRIVEN = 0.15, 0.6, 1.0, 1.5
 # At the begin of a release the brake still drags; so much of the stand before and the steady running behind is used, s.
 _DRAGS, _RESTS, _STEADY = 0.4, 2.0, 3.0
 _FEWEST = 60
+COARSE_SD = 0.1
+"""Standard error of a coarse shift at the least, s."""
+# Shifts that leave up to so many times the least unexplained do nearly as well.
+_ALIKE = 3.0
 # Up to here the fine search is sure by itself, s.
 _NEAR = 0.5
 
@@ -37,6 +41,7 @@ _NEAR = 0.5
 class Coarse:
     """`shift` in s that brings the board to the torques' clock; `sure` where no other does nearly as well.
 
+    `sd` is its standard error, s: how far the shift may move without much harm.
     `left` is the unexplained share there, `left_as_logged` the one without any shift (NaN: too little in common).
     """
 
@@ -44,6 +49,7 @@ class Coarse:
     sure: bool
     left: float
     left_as_logged: float
+    sd: float = COARSE_SD
 
     @property
     def needed(self) -> bool:
@@ -110,7 +116,7 @@ def vibration_shift(record: Record, counts: Counts, spans: Sequence[Span]) -> Co
     if np.ptp(slip) < 0.5:
         return None
     found = _search(grid, slip[:, None], restless.time, noise)
-    return None if found is None else Coarse(-found.shift, found.sure, found.left, found.left_as_logged)
+    return None if found is None else replace(found, shift=-found.shift)
 
 
 def _turns(grid: np.ndarray, spans: Sequence[Span]) -> np.ndarray:
@@ -142,9 +148,12 @@ def _search(grid: np.ndarray, columns: np.ndarray, time: np.ndarray, signal: np.
     undriven = _unexplained(grid + shifts[best], columns[:, :-1], time, signal)
     driven = undriven > _DRIVEN * float(left[best])
     as_logged = float(left[round(FAR / _STEP)])
-    return Coarse(
-        float(shifts[best]), bool(left[best] < _LEFT and clear and inside and driven), float(left[best]), as_logged
-    )
+    sure = bool(left[best] < _LEFT and clear and inside and driven)
+    # What does nearly as well beside it, without a break.
+    worse = np.flatnonzero(~(left < _ALIKE * left[best]))
+    first, last = worse[worse < best].max(initial=-1) + 1, worse[worse > best].min(initial=left.size) - 1
+    sd = max(0.5 * float(shifts[last] - shifts[first]), COARSE_SD)
+    return Coarse(float(shifts[best]), sure, float(left[best]), as_logged, sd)
 
 
 def _unexplained(at: np.ndarray, columns: np.ndarray, time: np.ndarray, signal: np.ndarray) -> float:
