@@ -205,7 +205,7 @@ def test_one_torque_in_another_unit_is_no_swap(name: str, factor: float) -> None
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
 def test_both_torques_in_another_unit_show_in_the_inertia(factor: float) -> None:
     findings = findings_of(scaled(recording_of({}), torque_in=factor, torque_out=factor))
-    assert findings.verdict == "warning"
+    assert findings.verdict == "rejected"
     assert any("look at its unit (N m against mN m)" in reason for reason in findings.reasons)
     assert findings.one("inertia_load", run="g3").value is None
 
@@ -220,9 +220,26 @@ def test_a_sensor_that_only_makes_noise_is_refused(name: str) -> None:
     assert f"{name} does not follow the load" in refused(dead)
 
 
-def test_a_slope_that_no_locked_gearbox_has_is_a_warning() -> None:
-    findings = findings_of(recording_of({"gain_out": 0.1}))
+@pytest.mark.parametrize(("gain", "verdict"), [(0.1, "rejected"), (0.3, "warning")])
+def test_a_slope_that_no_locked_gearbox_has_is_told_and_a_wrong_unit_rejected(gain: float, verdict: str) -> None:
+    findings = findings_of(recording_of({"gain_out": gain}))
     assert any("which no gearbox locked as one body has" in reason for reason in findings.reasons)
+    assert findings.verdict == verdict
+
+
+def test_runs_of_one_gain_and_another_are_told_apart_and_keep_their_own_slope() -> None:
+    one, other = (
+        synthesize({**PLAIN, "a": 1.0, "brake_capacity": 2.4, "runs": [run], "gain_out": gain}, 5)[0]
+        for run, gain in (("g3", 1.0), ("g6", 0.55))
+    )
+    findings = identify([one, other], LoadExchangeSettings(), Context("test", {}))
+    told = next(reason for reason in findings.reasons if "do not have one slope" in reason)
+    assert "run g3 has 0.9" in told
+    assert "run g6 0.5" in told
+    assert not any("as a rigid box has" in reason for reason in findings.reasons)
+    (common,) = (one for one in findings.find("torque_transfer_slope") if not one.at)
+    assert common.value is None
+    assert findings.one("slip_torque", run="g6").value is not None
 
 
 def test_fos_under_load_has_no_part_in_the_load_fit() -> None:

@@ -105,3 +105,20 @@ def test_runs_together_are_more_certain_and_honest_about_their_scatter():
     scatter = np.std([t.slope for t in apart], ddof=1) / np.sqrt(8)
     assert pooled(apart).slope_error == pytest.approx(scatter)
     assert pooled([]) is None
+
+
+@pytest.mark.parametrize("runs", [2, 3, 8])
+def test_the_mean_slope_of_few_runs_has_an_interval_that_covers_and_is_of_use(runs):
+    """One degree of freedom for two runs that scatter a little more than they say made it five times too wide."""
+    rng = np.random.default_rng(runs)
+    covered, widths = 0, []
+    for _ in range(400):
+        errors = 0.01 * np.exp(rng.uniform(-0.3, 0.3, runs))
+        told = errors * np.sqrt(rng.chisquare(20, runs) / 20)
+        slopes = 1.0 + errors * rng.standard_normal(runs)
+        mean = pooled([Transfer("brake", a, e, 0.4, 0.01, 20.0) for a, e in zip(slopes, told, strict=True)])
+        low, high = mean.slope_ci95
+        covered += low < 1.0 < high
+        widths.append(high - low)
+    assert covered / 400 > 0.93
+    assert np.median(widths) < 1.6 * 2 * 1.96 * 0.01 / np.sqrt(runs)

@@ -17,6 +17,11 @@ from pipeline.rigs.gearbox.load.load_windows import HOP, MEAN, WINDOW, Noise, Wi
 NAMES = ("inertia_load", "drag_coulomb", "drag_viscous")
 # What a bench can have (section 5.6): kg m^2, N m, N m s/rad.
 _POSSIBLE = ((1e-4, 1.0), (0.0, 2.0), (0.0, 0.1))
+_SPOKEN = {
+    "inertia_load": ("the load's inertia", "kg m2"),
+    "drag_coulomb": ("the load's Coulomb drag", "N m"),
+    "drag_viscous": ("the load's viscous drag", "N m s/rad"),
+}
 _BEYOND = 2.0  # standard errors outside of it
 
 
@@ -145,7 +150,8 @@ def _undetermined(values: np.ndarray, covariance: Covariance) -> dict[str, str]:
     error = covariance.std_error
     for name, value, sd, (least, most) in zip(NAMES, values, error, _POSSIBLE, strict=True):
         if value < least - _BEYOND * sd or value > most + _BEYOND * sd:
-            reason = f"{name} would be {value:.2g}, which no bench has ({least:g} to {most:g}): {_cause(values)}"
+            words, unit = _SPOKEN[name]
+            reason = f"{words} would be {value:.2g} {unit}, which no bench has ({least:g} to {most:g} {unit}): {_cause(values)}"
             return dict.fromkeys(NAMES, reason)
     reasons = {
         "inertia_load": "the load hardly accelerates in these runs",
@@ -155,12 +161,19 @@ def _undetermined(values: np.ndarray, covariance: Covariance) -> dict[str, str]:
     return {name: reasons[name] for name, v, e in zip(NAMES, values, error, strict=True) if not e < abs(v)}
 
 
-def _cause(values: np.ndarray) -> str:
-    """Say what makes an impossible inertia."""
+def unit_mistake(values: np.ndarray) -> str:
+    """Say by what factor torque_out is off where a thousandth or a thousandfold of an impossible load would be plausible."""
+    if all(least <= value <= most for value, (least, most) in zip(values, _POSSIBLE, strict=True)):
+        return ""
     for factor, told in ((1e3, "a thousandth of"), (1e-3, "a thousand times")):
         if all(least <= factor * value <= most for value, (least, most) in zip(values, _POSSIBLE, strict=True)):
             return f"torque_out reads {told} what a plausible load needs, so look at its unit (N m against mN m)"
-    return "counts, torques or their clocks do not go together in these runs"
+    return ""
+
+
+def _cause(values: np.ndarray) -> str:
+    """Say what makes an impossible inertia."""
+    return unit_mistake(values) or "counts, torques or their clocks do not go together in these runs"
 
 
 def _noise(windows: Windows, residual: np.ndarray) -> Noise:

@@ -1,6 +1,6 @@
 """The verdict on a campaign of load exchange, its reasons in plain words, what to measure next (gearbox.md, 7).
 
-rejected  no run gives a number: every one is left out.
+rejected  no run gives a number: every one is left out; or a torque is in another unit than declared, which falsifies them all.
 warning   runs left out, steps of the protocol or core numbers missing, offsets unknown, a torque map whose slope is not 1, or any
           other warning.
 ok        none of these.
@@ -17,6 +17,7 @@ from pipeline.findings import Parameter, Verdict
 from pipeline.recording import QualityFinding
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
+from pipeline.rigs.gearbox.load.inertia import unit_mistake
 from pipeline.rigs.gearbox.outcome.core_numbers import missing
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers
@@ -24,6 +25,8 @@ from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers
 _TOLD = 4
 # Slope of the torque map that a bench can have (section 5.6).
 _SLOPES = (0.2, 1.05)
+# Slopes beyond these are no wrong gain but a wrong unit or range: none of the numbers holds.
+_NO_GAIN = (0.12, 3.0)
 # A slope whose interval reaches farther to either side tells no more than that there is one.
 _VAGUE = 0.1
 # Inertias that differ by less are one; shaft, coupling and brake disc add up to the second share to a flywheel.
@@ -40,8 +43,13 @@ class Judgement:
 
     def warn(self, reason: str) -> None:
         """Warn, for that reason."""
-        self.verdict = "warning"
+        self.verdict = "warning" if self.verdict == "ok" else self.verdict
         self.reasons.append(reason)
+
+    def reject(self, reason: str) -> None:
+        """Reject, for that reason, which comes first."""
+        self.verdict = "rejected"
+        self.reasons.insert(0, reason)
 
 
 def judge(
@@ -67,10 +75,18 @@ def judge(
         said.warn(f"{counted(len(left_out) - _TOLD, 'more run')} are left out, see the quality findings.")
     grave = [q for q in quality if q.level != "note" and q.run not in left_out]
     for finding in grave[:_TOLD]:
-        said.warn(_ended(f"Run {finding.run}: {finding.message}" if finding.run else finding.message))
+        said.warn(_ended(_placed(finding)))
     if len(grave) > _TOLD:
         said.warn(f"{counted(len(grave) - _TOLD, 'more warning')} stand among the quality findings.")
     return said
+
+
+def _placed(finding: QualityFinding) -> str:
+    """Return a finding with its run, and with its channel where its words do not name it."""
+    if not finding.run:
+        return finding.message
+    channel = f", {finding.channel}" if finding.channel and finding.channel not in finding.message else ""
+    return f"Run {finding.run}{channel}: {finding.message}"
 
 
 def _names(runs: Sequence[RunNumbers]) -> str:
@@ -118,13 +134,15 @@ def _sensors(said: Judgement, campaign: CampaignNumbers, settings: LoadExchangeS
         return
     off = abs(transfer.slope - 1.0)
     low, high = (transfer.slope - limit for limit in _SLOPES)
-    if low < -2.0 * transfer.slope_error or high > 2.0 * transfer.slope_error:
-        said.warn(
+    half = t_quantile(transfer.dof) * transfer.slope_error
+    if low < -half or high > half:
+        # Beyond any gain that an amplifier is set wrong by it is a unit.
+        tell = said.reject if transfer.slope < _NO_GAIN[0] or transfer.slope > _NO_GAIN[1] else said.warn
+        tell(
             f"The torque map has slope {transfer.slope:.3g}, which no gearbox locked as one body has ({_SLOPES[0]:g} to {_SLOPES[1]:g}): gain or "
             "unit of a torque sensor is wrong, and so is what follows from both torques."
         )
         return
-    half = t_quantile(transfer.dof) * transfer.slope_error
     told = f"The torque map has slope {transfer.slope:.3f} ± {half:.2g}"
     if off <= half and half > _VAGUE:
         said.warn(f"{told}: too uncertain to tell whether the box is rigid and the sensors' gains are right.")
@@ -186,7 +204,8 @@ def _inertia(said: Judgement, campaign: CampaignNumbers) -> None:
             if load is None
             else load.undetermined["inertia_load"]
         )
-        said.warn(f"The load's inertia cannot be told: {_ended(why)}")
+        tell = said.reject if load is not None and unit_mistake(load.values) else said.warn
+        tell(f"The load's inertia cannot be told: {_ended(why)}")
         return
     value, error = float(load.values[0]), float(load.covariance.std_error[0])
     known = [

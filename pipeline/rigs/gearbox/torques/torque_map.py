@@ -201,13 +201,16 @@ def pooled(transfers: list[Transfer], phase: str = "brake") -> Transfer | None:
 
 
 def _weighted(values: list[float], errors: list[float], dofs: list[float]) -> tuple[float, float, float]:
-    """Return weighted mean, error (Birge ratio where above one) and degrees of freedom."""
+    """Return weighted mean, error (Birge ratio where above one) and degrees of freedom.
+
+    What the scatter adds to the errors is as uncertain as a variance of so many values.
+    """
     x, weight = np.array(values), 1 / np.square(errors)
     mean = float(weight @ x / weight.sum())
-    birge = float(weight @ (x - mean) ** 2) / max(x.size - 1, 1)
+    birge = max(float(weight @ (x - mean) ** 2) / max(x.size - 1, 1), 1.0)
     share = weight / weight.sum()
-    dof = 1 / float(np.sum(share**2 / np.array(dofs)))
-    return mean, math.sqrt(max(birge, 1.0) / weight.sum()), dof if birge <= 1 else min(dof, x.size - 1)
+    spread = float(np.sum(share**2 / np.array(dofs))) + (birge - 1.0) ** 2 / max(x.size - 1, 1)
+    return mean, math.sqrt(birge / weight.sum()), birge**2 / spread
 
 
 @dataclass(frozen=True, eq=False)
