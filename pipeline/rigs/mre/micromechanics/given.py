@@ -6,7 +6,6 @@ Everything is read from the conditions of the runs, the parameters and the table
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +17,11 @@ NEEDED = {
     "matrix_shear_modulus": "the shear modulus of the matrix",
 }
 _STANDARD = {"gap_ratio": 1.0, "powder_saturation": 2.1, "powder_permeability": 1000.0}
+_WORDS = {
+    "gap_ratio": "particles that touch, centres {:g} diameter apart",
+    "powder_saturation": "a saturation of {:g} T",
+    "powder_permeability": "a relative permeability of {:g}",
+}
 _MEASURED = {
     "stiffening_secant": "axial stiffening, secant",
     "stiffening_slope": "axial stiffening, slope",
@@ -93,7 +97,7 @@ def compound_of(findings: Findings) -> Compound | list[str]:
         taken["gap_ratio"],
         taken["powder_saturation"],
         taken["powder_permeability"],
-        tuple(f"{name} = {value:g}{' T' if 'saturation' in name else ''}" for name, value in usual.items()),
+        tuple(f"{_WORDS[name].format(value)} ({name})" for name, value in usual.items()),
     )
 
 
@@ -137,32 +141,69 @@ def _increment(what: str, current: float, p: Parameter) -> Increment:
     return Increment(what, current, value, low, high)
 
 
+@dataclass(frozen=True)
+class _Static:
+    """A static stiffness (N/m) and its standard error."""
+
+    value: float
+    sd: float
+
+
 def _field_stiffness(findings: Findings) -> list[Increment]:
-    """Return k_MR over the static stiffness k2, or k2 at a current over k2 at none, with errors in quadrature."""
-    statics: Sequence[Parameter] = [p for p in findings.find("k2") if p.value]
-    base = next((p for p in statics if not p.at or abs(float(p.at.get("coil_current", math.nan))) < 0.05), None)
-    if base is None or not base.value:
-        return []
+    """Return by how much the field adds to the static shear stiffness, at large and at small strain.
+
+    At large strain the Bouc-Wen spring has yielded and k2 is left; at small strain, which the theory is about,
+    it is k2 + a_BW rho. Errors are added in quadrature as if k2, a_BW and rho were independent; their negative
+    correlation makes that an upper limit.
+    """
     found = []
-    for p in findings.find("k_mr"):
-        current = p.at.get("coil_current")
-        if p.value is not None and isinstance(current, float | int):
-            sd = abs(p.value / base.value) * math.hypot(_relative(p), _relative(base))
-            ratio = p.value / base.value
-            found.append(
-                Increment(
-                    "static shear stiffness, k_MR/k2", float(current), ratio, ratio - 1.96 * sd, ratio + 1.96 * sd
-                )
-            )
-    for p in statics:
-        current = p.at.get("coil_current")
-        if p is not base and isinstance(current, float | int):
-            ratio = float(p.value or 0.0) / base.value
-            sd = abs(ratio) * math.hypot(_relative(p), _relative(base))
-            found.append(
-                Increment("static shear stiffness k2", float(current), ratio - 1, ratio - 1 - 1.96 * sd, ratio - 1 + 1.96 * sd)
-            )  # fmt: skip
+    for what, small in (("large strain: k2", False), ("small strain: k2 + a_BW rho", True)):
+        base = _static(findings, 0.0, small)
+        if base is None:
+            continue
+        for p in findings.find("k_mr"):
+            current = p.at.get("coil_current")
+            if p.value is not None and isinstance(current, float | int):
+                found.append(_over(what, float(current), _Static(p.value, p.std_error or 0.0), base, 0.0))
+        for current in sorted(
+            {c for p in findings.find("k2") if isinstance(c := p.at.get("coil_current"), float | int)}
+        ):
+            whole = _static(findings, float(current), small)
+            if abs(current) >= _NO_CURRENT and whole is not None:
+                found.append(_over(what, float(current), whole, base, 1.0))
     return found
+
+
+def _over(what: str, current: float, part: _Static, base: _Static, less: float) -> Increment:
+    ratio = part.value / base.value
+    sd = abs(ratio) * math.hypot(part.sd / part.value, base.sd / base.value) if part.value else part.sd / base.value
+    value = ratio - less
+    return Increment(f"static shear stiffness, {what}", current, value, value - 1.96 * sd, value + 1.96 * sd)
+
+
+def _static(findings: Findings, current: float, small: bool) -> _Static | None:
+    """Return the static stiffness at a current; None where part of it is not known, or differs between records."""
+    k2 = _one(findings, "k2", current)
+    if k2 is None or not k2.value:
+        return None
+    if not small:
+        return _Static(k2.value, k2.std_error or 0.0)
+    force, slope = _one(findings, "alpha_bw", current), _one(findings, "rho", current)
+    if force is None or slope is None or force.value is None or slope.value is None:
+        return None
+    product = force.value * slope.value
+    sd = math.hypot(k2.std_error or 0.0, product * math.hypot(_relative(force), _relative(slope)))
+    return _Static(k2.value + product, sd)
+
+
+def _one(findings: Findings, name: str, current: float) -> Parameter | None:
+    """Return the only determined parameter of that name at a current, or at any where it does not depend on it."""
+    near = [
+        p
+        for p in findings.find(name)
+        if p.value is not None and abs(float(p.at.get("coil_current", current)) - current) < _NO_CURRENT
+    ]
+    return near[0] if len(near) == 1 else None
 
 
 def _relative(p: Parameter) -> float:
