@@ -69,6 +69,11 @@ class Comb:
         at = np.minimum(np.round(np.arange(self.power.size) * self.spacing / rest.spacing).astype(int), hum.size - 1)
         return replace(self, power=np.where(hum[at], np.minimum(self.power, 1.0), self.power))
 
+    def stands_near(self, speed: float, block: float) -> bool:
+        """Tell whether a line stands so near to `speed` (rad/s) that it leaks into it in blocks of `block` seconds."""
+        at, reach = speed / (2 * math.pi * self.spacing), (_LOBE + 1) / (block * self.spacing)
+        return bool(self.power[max(int(at - reach), 0) : int(at + reach) + 2].max(initial=0.0) > _STANDS)
+
     def stands_out(self, speed: float) -> bool:
         """Tell whether two lines at least stand out of the noise at a slip speed: a single one is no comb."""
         at = np.round(np.array(self.orders) * speed / (2 * math.pi * self.spacing)).astype(int)

@@ -146,14 +146,17 @@ def _searched(
     step = 2 * math.pi * rate / (length * max(used))
     near = (max(rough - 2 * step, limits[0]), min(rough + 2 * step, limits[1]))
     speed, contrast = fine.best(near)
-    speed = fine.sharpened(speed)
+    # Strong hum leaks into a line beside it.
+    clear = [order for order in used if hum is None or not hum.stands_near(order * speed, _PIECE)]
+    clear = clear if len(clear) > 1 else list(used)
+    speed = replace(fine, orders=tuple(clear)).sharpened(speed)
     if max(contrast, coarse.contrast_at(rough)) < LEAST_CONTRAST:
         return None
     if not (fine.stands_out(speed) or coarse.stands_out(rough)):
         return None
     wide = ((1 - _WANDER) * rough, (1 + _WANDER) * rough)
     pieces = np.array([part.best(wide)[0] for part in parts])
-    track = _tracked(signals, rate, used, pieces, speed, length)
+    track = _tracked(signals, rate, clear, pieces, speed, length)
     if track is None or track.steady:
         return MeshSpeed(speed, fine.resolution(contrast), math.inf, contrast, 0.0, tuple(used))
     # What lies outside the track is a share of the stage whose speed may be off by the wander.
