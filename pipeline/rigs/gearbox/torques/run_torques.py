@@ -14,24 +14,18 @@ import numpy as np
 from pipeline.rigs.gearbox.aligned_run import AlignedRun, Span
 from pipeline.rigs.gearbox.record import TORQUES
 from pipeline.rigs.gearbox.torques.clipping import NONE, Clip
-from pipeline.rigs.gearbox.torques.lost_samples import overlap
 from pipeline.rigs.gearbox.torques.nominal import Level, level
 from pipeline.rigs.gearbox.torques.offsets import Offset, Offsets
 from pipeline.rigs.gearbox.torques.peaks import ORDER, Peak, peak, steady_noise, unlock_peak
 from pipeline.rigs.gearbox.torques.torque_drift import Drift, drift_of
 from pipeline.rigs.gearbox.torques.torque_map import Transfer, brake_transfer, startup_transfer, steady_transfer
+from pipeline.rigs.gearbox.torques.withheld import brake_rise, lost_levels, lost_rise, lost_startup, mostly_lost
 from pipeline.signals.filtering import low_pass
 
 NOMINAL_STAGES = ("fos", "sos", "fos_after")
 FOS_STAGES = ("fos", "fos_after")
 # A lock that breaks may do so a little before the brake's stage ends; the peak is sought this much wider, s.
 _AROUND_PEAK = 0.1
-# Where the brake's onset is not known, so long before the unlock its rise begins, s.
-_RISE = 0.3
-# A mean of which that share is none of the sensor's samples is none. A peak is none where samples are lost this near (s).
-_MEAN_LOST, _PEAK_LOST = 0.1, 0.1
-# Before the brake comes on the encoder tells the ripple's angle for so long (s).
-_LEAD = 0.5
 # The low-pass settles within this time; steps to draw its answer in, s.
 _SETTLES, _FINE = 0.2, 5e-4
 
@@ -91,14 +85,14 @@ def torques_of(
         Of the output shaft in FOS and of the input shaft in SOS, rad/s; NaN or 0 where unknown.
     """
     levels, cut = _levels(run, clips, speed_out, speed_in)
-    withheld = _lost_levels(run, levels) | _lost_rise(run)
+    withheld = lost_levels(run, levels) | lost_rise(run)
     levels = {key: one for key, one in levels.items() if key not in withheld}
-    steady = [span for span in Torques(levels).steady if not any(_mostly_lost(run, name, span) for name in TORQUES)]
+    steady = [span for span in Torques(levels).steady if not any(mostly_lost(run, name, span) for name in TORQUES)]
     drifts = _drifts(run, offsets, steady)
     # What a drift leaves open concerns runs whose zero was not seen again at the end.
     open_ = {name: drift for name, drift in drifts.items() if not _seen_again(getattr(offsets, name))}
     peaks = _peaks(run, levels, clips)
-    withheld |= _lost_startup(run, peaks)
+    withheld |= lost_startup(run, peaks)
     peaks = {key: one for key, one in peaks.items() if key not in withheld}
     transfers = _transfers(run, steady, clips, open_)
     transfers = {phase: one for phase, one in transfers.items() if ("slope", phase) not in withheld}
@@ -137,73 +131,6 @@ def _levels(
     return found, frozenset(cut)
 
 
-def _told(name: str, span: Span) -> str:
-    return f"{name} tells nothing from {span[0]:.5g} to {span[1]:.5g} s"
-
-
-def _mostly_lost(run: AlignedRun, name: str, span: Span) -> bool:
-    return overlap(run.lost.get(name, ()), span) > _MEAN_LOST * (span[1] - span[0])
-
-
-def _lost_levels(run: AlignedRun, levels: Mapping[Key, Level]) -> dict[Key, str]:
-    """Return the means of which too much is none of the sensor's."""
-    found = {}
-    for (name, stage), one in levels.items():
-        lost = run.lost.get(name, ())
-        # What an end of the stage lost the settled part lacks.
-        span = run.stages[stage]
-        if _mostly_lost(run, name, one.span):
-            worst = max(lost, key=lambda each: overlap([each], span))
-            found[name, stage] = f"{_told(name, worst)}, in {stage.upper().replace('_', ' ')}"
-    return found
-
-
-def _lost_rise(run: AlignedRun) -> dict[Key, str]:
-    """Return what cannot be told of the brake's rise since torques or encoder tell nothing in it."""
-    rise = _rise(run)
-    if rise is None:
-        return {}
-    found: dict[Key, str] = {}
-    where = "where the brake comes on and the lock breaks"
-    around = (rise[0] - _PEAK_LOST, rise[1] + _PEAK_LOST)
-    for name in TORQUES:
-        lost = [span for span in run.lost.get(name, ()) if overlap([span], around) > 0]
-        if lost:
-            text = f"{_told(name, lost[0])}, {where}"
-            found[name, "brake"] = text
-            found.setdefault(("slope", "brake"), text)
-            if name == "torque_in":
-                found["unlock", "brake"] = found["event", "brake"] = text
-    for span in run.gaps:
-        # Ripple is taken off by the angle of the encoder.
-        if overlap([span], (rise[0] - _LEAD, rise[1] + _PEAK_LOST)) > 0:
-            text = f"{_told('the encoder', span)}, {where}"
-            found.setdefault(("slope", "brake"), text)
-            found.setdefault(("unlock", "brake"), text)
-    return found
-
-
-def _lost_startup(run: AlignedRun, peaks: Mapping[Key, Peak]) -> dict[Key, str]:
-    """Return what cannot be told of the start-up: peaks near a loss, slopes of which some part is lost."""
-    if "startup" not in run.stages:
-        return {}
-    span = run.stages["startup"]
-    found: dict[Key, str] = {}
-    for name in TORQUES:
-        lost = [each for each in run.lost.get(name, ()) if overlap([each], span) > 0]
-        one = peaks.get((name, "startup"))
-        for each in lost:
-            near = one is not None and overlap([each], (one.time - _PEAK_LOST, one.time + _PEAK_LOST)) > 0
-            if near or each[1] - each[0] > 2 * _PEAK_LOST:
-                found[name, "startup"] = f"{_told(name, each)}, in the start-up"
-        if lost:
-            found["slope", "startup"] = f"{_told(name, lost[0])}, in the start-up"
-    for each in run.gaps:
-        if overlap([each], span) > 0:
-            found["slope", "startup"] = f"{_told('the encoder', each)}, in the start-up"
-    return found
-
-
 def _seen_again(offset: Offset | None) -> bool:
     return offset is not None and offset.before is not None and offset.after is not None
 
@@ -239,14 +166,8 @@ def _widened_peak(one: Peak, drift: Drift | None) -> Peak:
     return replace(one, std_error=total, dof=dof)
 
 
-def _rise(run: AlignedRun) -> Span | None:
-    """Return brake onset and unlock, s."""
-    unlock = run.events.get("unlock")
-    return None if unlock is None else (run.events.get("brake_onset", unlock - _RISE), unlock)
-
-
 def _peaks(run: AlignedRun, levels: Mapping[Key, Level], clips: Mapping[str, Clip]) -> dict[Key, Peak]:
-    spans = {"startup": run.stages.get("startup"), "brake": _rise(run)}
+    spans = {"startup": run.stages.get("startup"), "brake": brake_rise(run)}
     found = {}
     for name, values, zero in zip(
         TORQUES, (run.torque_in, run.torque_out), (run.offset_in, run.offset_out), strict=True
@@ -265,7 +186,7 @@ def _peaks(run: AlignedRun, levels: Mapping[Key, Level], clips: Mapping[str, Cli
 
 
 def _unlock(run: AlignedRun, levels: Mapping[Key, Level]) -> Peak | None:
-    settled, rise = levels.get(("torque_in", "fos")), _rise(run)
+    settled, rise = levels.get(("torque_in", "fos")), brake_rise(run)
     if settled is None or rise is None:
         return None
     found = unlock_peak(run, (rise[0] - _AROUND_PEAK, rise[1] + _AROUND_PEAK), settled.span)
@@ -290,7 +211,7 @@ def _transfers(
         one = startup_transfer(run, steady)
         if one is not None:
             found["startup"] = one
-    rise = _rise(run)
+    rise = brake_rise(run)
     if rise is not None:
         end = min((clip.first(rise) for clip in clips.values()), default=rise[1])
         one = brake_transfer(run, steady, end)
