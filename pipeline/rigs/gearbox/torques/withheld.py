@@ -39,7 +39,6 @@ def lost_levels(run: AlignedRun, levels: Mapping[Key, Level]) -> dict[Key, str]:
     found = {}
     for (name, stage), one in levels.items():
         lost = run.lost.get(name, ())
-        # What an end of the stage lost the settled part lacks.
         span = run.stages[stage]
         if mostly_lost(run, name, one.span):
             worst = max(lost, key=lambda each: overlap([each], span))
