@@ -23,6 +23,7 @@ _WHITE = 0.8
 _FILTER = 0.05  # s, correlation beyond which it is no filter of a force channel
 _MISFIT, _CLEAR = 0.01, 3.0  # of the step; times the noise
 _EARLY = 3.0  # standard errors
+_LONGEST = 30.0  # s, beyond any lag of a pad that is known
 
 
 def judge_record(record: Record, settings: StepSettings, doubts: Doubts) -> None:
@@ -107,6 +108,15 @@ def judge_fit(fit: LagFit, estimates: list[Estimate], settings: StepSettings, do
                 f"Wait for {math.ceil(2 * settings.settled * slow)} s after each step.",
             )
             break
+    longest = max(sum(fit.taus(direction)) for direction in fit.lags)
+    if longest > _LONGEST:
+        doubts.doubt(
+            run,
+            f"the force takes {longest:.3g} s to answer and the log lasts {record.grid[-1]:.5g} s, where pads answer within a second: ms taken as s (factor 1000)? "
+            "All times are then to be divided by 1000.",
+            "Check the unit of the time column.",
+            "time",
+        )
     _misfit(fit, max(abs(size) for size in sizes), doubts)
     _filtered(fit, doubts)
     for e in estimates:

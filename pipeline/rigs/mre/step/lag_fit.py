@@ -99,6 +99,9 @@ def fit_lags(record: Record) -> Found:
     if drifts and not both.drift:
         both = Problem(record, both.lags, rows, drifts)
         double = _best(both, [dict(zip(both.names, double.q.tolist(), strict=True))])
+    if drifts and not _needed(both, double):  # a lag that was missing looked like one
+        drifts, both = False, Problem(record, both.lags, rows)
+        double = _best(both, [dict(zip(both.names, double.q.tolist(), strict=True))])
     everywhere = Problem(record, both.lags, Rows.all_of(record, kept), drifts)
     rest = record.force - everywhere.columns(double.q)[0] @ double.c
     off = np.abs(rest - np.median(rest))
@@ -147,6 +150,12 @@ def _drifts(problem: Problem, fit: SeparableFit) -> bool:
     sigma = float(np.sqrt(np.mean((rest - value * left) ** 2)))
     size = max(abs(float(c) * (s.after - s.before)) for c, s in zip(fit.c[2:], problem.record.steps, strict=False))
     return abs(value) * math.sqrt(norm) > _SURE_DRIFT * sigma and abs(value) > _LEAST_DRIFT * size
+
+
+def _needed(problem: Problem, fit: SeparableFit) -> bool:
+    """Tell whether a drift that was fitted along is more than a trifle of the largest step."""
+    size = max(abs(float(c) * (s.after - s.before)) for c, s in zip(fit.c[2:], problem.record.steps, strict=False))
+    return abs(float(fit.c[-1])) > _LEAST_DRIFT * size
 
 
 def _profiles(

@@ -19,7 +19,9 @@ from pipeline.rigs.mre.hold.repeats import clipped_or_stuck, lone_spikes
 from pipeline.rigs.mre.step.lags import passes
 
 _LEAST_STEP = 0.15  # of the range of the current
-_FINEST, _MOST_ROWS = 2e-3, 20_000  # s; rows of the force that enter, means of neighbours beyond
+_FINEST = 2e-3  # s
+# Rows of the force that enter, means of neighbours beyond; points of the grid of the current.
+_MOST_ROWS, _MOST_POINTS = 20_000, 60_000
 _FEWEST = 30
 _LARGEST = 200.0  # A, of any such coil
 DIRECTIONS = ("rise", "fall")
@@ -110,11 +112,12 @@ def record_of(recording: Recording) -> Record:
     steps = _steps(own, raw, stairs)
     if not steps:
         raise UnusableError(
-            "the current has no step: no two levels held for half a second, one after the other", "current"
+            "the current has no step: no two levels held for half a second, one after the other (or s taken as ms, factor 1000)", "current"
         )
     period = float(np.median(np.diff(own)))
-    dt = min(max(period, float(own[-1] - own[0]) / 100_000), _FINEST)
-    grid = np.arange(min(own[0], time[0]), max(own[-1], time[-1]) + dt, dt)
+    first, last = min(own[0], time[0]), max(own[-1], time[-1])
+    dt = max(min(period, _FINEST), float(last - first) / _MOST_POINTS)
+    grid = np.arange(first, last + dt, dt)
     _refuse_clipped(time, force, own, raw, stairs)
     # What the force does before the first level and after the last is not of any step that was found.
     inside = (time >= stairs.holds[0].start) & (time <= stairs.holds[-1].stop)

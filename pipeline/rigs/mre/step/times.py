@@ -20,8 +20,9 @@ SHARES = {"t63": 1 - math.exp(-1), "t90": 0.9}
 # Relative standard error beyond which a time is not determined.
 _WIDEST = 0.4
 _HOPELESS = 20.0  # of a logarithm, or of a delay in s: nothing is known then
-# Standard errors by which two time constants must differ to be two numbers.
-_APART = 3.0
+# Standard errors by which two time constants must differ to be two numbers. The data know the square of their difference, which noise
+# alone lifts off 0: its standard error is half as many times smaller than that of the difference itself.
+_APART = 8.0
 # Steps of the force's converter over its noise that bias levels; what they do to a time constant, relative.
 _COARSE, _BLUR = 1.5, 2.5
 # A change of the current within one sample hides all that is shorter than so many samples.
