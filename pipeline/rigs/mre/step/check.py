@@ -13,6 +13,7 @@ from pipeline.rigs.mre.step.faults import judge_fit, judge_record
 from pipeline.rigs.mre.step.identify import calibrated, usable
 from pipeline.rigs.mre.step.lag_fit import fit_lags
 from pipeline.rigs.mre.step.times import estimates_of
+from pipeline.rigs.mre.step.withheld import without_breaks, without_coil
 
 
 def check(recording: Recording) -> Sequence[QualityFinding]:
@@ -30,5 +31,6 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
     except (UnusableError, ValueError) as error:
         raise InputError(f"no step test can be identified from run '{recording.run}': {error}.") from error
     judge_record(record, settings, doubts)
-    judge_fit(fit, estimates_of(fit, calibrated(record)), settings, doubts)
+    estimates = without_breaks(fit, without_coil(fit, estimates_of(fit, calibrated(record))), doubts)
+    judge_fit(fit, estimates, settings, doubts)
     return [QualityFinding(q.level, q.message, q.run, q.channel, q.span) for q in doubts.quality if q.level != "note"]

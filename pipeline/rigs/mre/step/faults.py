@@ -62,11 +62,11 @@ def judge_record(record: Record, settings: StepSettings, doubts: Doubts) -> None
 
 def _current(record: Record, doubts: Doubts) -> None:
     jumps = [step for step in record.steps if step.spread > 0]
-    if record.stairs.is_set_point:
+    if record.looks_set:
         doubts.doubt(
             record.run,
-            "the logged current changes within one sample and does not vary at all in between: it looks like the set-point. The time of the coil "
-            "(inductance over resistance, some 30 ms) then goes into the delay and the time constants.",
+            f"the logged current changes within one sample ({record.period:.2g} s), where the current of a coil takes inductance over resistance, some 10 to 100 ms: it looks like the "
+            "set-point. The coil's time cannot be told from the delay and the short time constants, which are withheld; t63 and t90 count from the set-point.",
             "Log the measured coil current.",
             "current",
         )

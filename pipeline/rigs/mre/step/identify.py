@@ -22,6 +22,7 @@ from pipeline.rigs.mre.step.lag_fit import Found, LagFit, fit_lags
 from pipeline.rigs.mre.step.lag_problem import name_of
 from pipeline.rigs.mre.step.record import Record, record_of
 from pipeline.rigs.mre.step.times import estimates_of, largest
+from pipeline.rigs.mre.step.withheld import without_breaks, without_coil
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 _ELSEWHERE = {
@@ -48,15 +49,17 @@ def identify(recordings: Sequence[Recording], settings: StepSettings, context: C
         except (UnusableError, InputError, ValueError) as error:
             left_out[recording.run] = str(error).rstrip(".")
             continue
-        found.append((fits, estimates_of(fits.fit, calibrated(record))))
+        found.append((fits, without_coil(fits.fit, estimates_of(fits.fit, calibrated(record)))))
     if not found:
         raise InputError(nothing_usable(left_out, recordings))
     for run, reason in left_out.items():
         doubts.doubt(run, f"left out: {reason}.")
     parameters: list[Parameter] = []
-    for fits, estimates in found:
+    for number, (fits, fitted) in enumerate(found):
         record = fits.fit.record
         judge_record(record, settings, doubts)
+        estimates = without_breaks(fits.fit, fitted, doubts)
+        found[number] = (fits, estimates)
         at: OperatingPoint = {"run": record.run} if len(found) > 1 else {}
         sound = judge_fit(fits.fit, estimates, settings, doubts)
         told = [*estimates, *_forces(fits.fit)]

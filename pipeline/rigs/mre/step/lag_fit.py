@@ -23,6 +23,8 @@ _STARTS = ((0.1, 0.3), (0.4, 0.1), (0.03, 0.5), (1.2, 0.1))  # tau1 (s), tau2/ta
 _WILD = 6.0
 # BIC by which a second lag must win.
 _MARGIN = 6.0
+# Difference of the logarithms of two lags below which they are one double lag.
+ALIKE = 0.1
 _SURE_DRIFT, _LEAST_DRIFT = 8.0, 5e-3  # standard errors; of the largest step
 
 
@@ -258,10 +260,18 @@ def _result(problem: Problem, fit: SeparableFit, kept: np.ndarray) -> LagFit:
                 q[[i, j]], bound[[i, j]] = q[[j, i]], bound[[j, i]]
                 jacobian[:, [i, j]] = jacobian[:, [j, i]]
     held = np.r_[bound, np.zeros(fit.c.size, dtype=bool)]
+    together = np.eye(held.size)[:, ~held]
+    for direction, count in problem.lags.items():
+        i, j = (problem.names.index(f"{direction}.ln_tau{k}") for k in (1, count))
+        if count == 2 and q[i] - q[j] < ALIKE and not (held[i] or held[j]):
+            # To first order the response does not know their difference: they move as one.
+            one = int(np.flatnonzero(together[j])[0])
+            together[j] = together[i]
+            together = np.delete(together, one, axis=1)
     matrix = np.full((held.size, held.size), np.nan)
-    plain, _ = covariance_of(jacobian[:, ~held])
+    plain, _ = covariance_of(jacobian @ together)
     free = widened(plain * fit.chi2 / max(fit.dof, 1), fit.residual)
-    matrix[np.ix_(~held, ~held)] = free.matrix
+    matrix[np.ix_(~held, ~held)] = (together @ free.matrix @ together.T)[np.ix_(~held, ~held)]
     covariance = Covariance(matrix, free.dof, free.method)
     everything = np.ones(problem.record.time.size, dtype=bool)
     whole = Problem(problem.record, problem.lags, Rows.all_of(problem.record, everything), problem.drift)

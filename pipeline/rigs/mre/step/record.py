@@ -16,6 +16,7 @@ from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.current_levels import Hold, Staircase, holds_of
 from pipeline.rigs.mre.hold.record import UnusableError
 from pipeline.rigs.mre.hold.repeats import clipped_or_stuck, lone_spikes
+from pipeline.rigs.mre.step.breaks import Break, breaks_of
 from pipeline.rigs.mre.step.lags import passes
 
 _LEAST_STEP = 0.15  # of the range of the current
@@ -24,6 +25,8 @@ _FINEST = 2e-3  # s
 _MOST_ROWS, _MOST_POINTS = 20_000, 60_000
 _FEWEST = 30
 _LARGEST = 200.0  # A, of any such coil
+_BOTH = 0.1  # of the largest current: what is negative beyond is no noise
+_QUICK = 6e-3  # s, samples that are closer show how a coil's current rises
 DIRECTIONS = ("rise", "fall")
 
 
@@ -64,6 +67,13 @@ class Record:
     steps: tuple[Step, ...]
     stairs: Staircase
     findings: tuple[QualityFinding, ...]
+    breaks: tuple[Break, ...]
+
+    @property
+    def looks_set(self) -> bool:
+        """Whether the current looks like the set-point: it changes at once where samples would show the rise of a coil."""
+        fast = self.period < _QUICK and all(step.resolved == 0 for step in self.steps)
+        return self.stairs.is_set_point or fast
 
     def of(self, direction: str) -> list[Step]:
         """Return the steps of a direction."""
@@ -85,6 +95,7 @@ def record_of(recording: Recording) -> Record:
 
     begin = min(float(stream.time[0]) for stream in recording.streams.values() if stream.time.size)
     time, force = _force(recording, begin, say)
+    breaks, frozen = breaks_of("force_axial", time, force)
     own, raw = recording.signal("current")
     valid = np.isfinite(raw)
     own, raw = own[valid] - begin, raw[valid]
@@ -104,15 +115,24 @@ def record_of(recording: Recording) -> Record:
     if -low > 5 * max(high, 0.0):
         say("warning", "current", f"the current is negative (to {low:.4g} A): taken as positive; check its sign.")
         raw = -raw
+    elif -low > _BOTH * high:
+        say(
+            "warning",
+            "current",
+            f"the current has both signs ({low:.4g} to {high:.4g} A): the force is taken to follow its magnitude, and remanence, which does not, is in the times.",
+        )
+        raw = np.abs(raw)
     wild = lone_spikes(raw)
     if wild.any():
         say("note", "current", f"{counted(int(wild.sum()), 'lone wild sample')} of the current left out.")
         own, raw = own[~wild], raw[~wild]
     stairs = holds_of(own, raw)
+    breaks += breaks_of("current", own, raw)[0]
     steps = _steps(own, raw, stairs)
     if not steps:
         raise UnusableError(
-            "the current has no step: no two levels held for half a second, one after the other (or s taken as ms, factor 1000)", "current"
+            "the current has no step: no two levels held for half a second, one after the other (or s taken as ms, factor 1000)",
+            "current",
         )
     period = float(np.median(np.diff(own)))
     first, last = min(own[0], time[0]), max(own[-1], time[-1])
@@ -121,10 +141,24 @@ def record_of(recording: Recording) -> Record:
     _refuse_clipped(time, force, own, raw, stairs)
     # What the force does before the first level and after the last is not of any step that was found.
     inside = (time >= stairs.holds[0].start) & (time <= stairs.holds[-1].stop)
+    inside &= ~frozen
     time, force = time[inside], force[inside]
     time, force = _thinned(time, force)
     current = np.interp(grid, own, raw)
-    return Record(recording.run, recording, time, force, grid, current, dt, period, steps, stairs, tuple(findings))
+    return Record(
+        recording.run,
+        recording,
+        time,
+        force,
+        grid,
+        current,
+        dt,
+        period,
+        steps,
+        stairs,
+        tuple(findings),
+        tuple(breaks),
+    )
 
 
 def _force(

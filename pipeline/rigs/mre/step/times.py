@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.estimation.estimate import Estimate, undetermined
 from pipeline.estimation.profile import ProfileInterval
 from pipeline.estimation.uncertainty import t_quantile
-from pipeline.rigs.mre.step.lag_fit import LagFit
+from pipeline.rigs.mre.step.lag_fit import ALIKE, LagFit
 from pipeline.rigs.mre.step.lag_problem import parts_of
 from pipeline.rigs.mre.step.lags import passes, response
 from pipeline.rigs.mre.step.record import DIRECTIONS, Step
@@ -81,8 +81,8 @@ def _of(fit: LagFit, direction: str, force_lag: float) -> list[Estimate]:
     sd[0] = math.hypot(sd[0], steps * taus[0] / answer)
     found = [_delay(values[0] - force_lag, math.hypot(sd[0], step.spread), hidden, dof, at)]
     found[0] = _with_profile(found[0], fit.profiles.get(f"{direction}.L"), -force_lag)
-    apart = len(taus) == 1 or (values[1] - values[2]) > _APART * math.sqrt(
-        max(matrix[1, 1] + matrix[2, 2] - 2 * matrix[1, 2], 0.0)
+    apart = len(taus) == 1 or (values[1] - values[2]) > max(
+        _APART * math.sqrt(max(matrix[1, 1] + matrix[2, 2] - 2 * matrix[1, 2], 0.0)), ALIKE
     )
     total, total_sd = sum(taus), _spread(lambda q: sum(_exp(v) for v in q[1:]), values, matrix)
     told_sum = f"their sum is {total:.4g} +- {t * math.hypot(total_sd, float(shape.max())):.2g} s"
@@ -179,7 +179,7 @@ def _passing(
         later = (when(values, level + 0.02) - when(values, level - 0.02)) / 0.04  # s per share of the change
         sd = math.hypot(_spread(when, values, matrix), step.spread, 0.05 * record.period, coarse(fit) / answer * later)
         half = t_quantile(fit.covariance.dof) * sd
-        if sd > _WIDEST * abs(value):
+        if sd > _WIDEST * abs(value) or half > abs(value):
             told.append(
                 undetermined(name, f"the data leave it between {value - half:.3g} and {value + half:.3g} s", at)
             )

@@ -1,0 +1,106 @@
+"""What a log of a step test cannot tell: holes and freezes at a step, a set-point, odd clocks, both signs of the current."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hold_logs import changed, said, step
+
+from pipeline.recording import Recording
+from pipeline.rigs.mre.step.record import record_of
+from pipeline.rigs.mre.step.synthetic import synthesize
+from pipeline.rigs.mre.step.times import NAMES
+
+
+def log(**truth: Any) -> Recording:
+    return synthesize({"rate": 500.0, **truth}, 5)[0]
+
+
+def hold_still(start: float, stop: float) -> Any:
+    return lambda t, x: np.where((t > start) & (t < stop), x[np.searchsorted(t, start)], x)
+
+
+def missing(start: float, stop: float) -> Any:
+    return lambda t, x: np.where((t > start) & (t < stop), np.nan, x)
+
+
+@pytest.mark.parametrize(
+    ("channel", "fault", "words"),
+    [
+        ("force_axial", hold_still(1.0, 1.06), "force_axial stands still from 1"),
+        ("force_axial", missing(1.03, 1.16), "force_axial has no sample from 1.03 to 1.16 s"),
+        ("current", missing(0.98, 1.06), "current has no sample from 0.98 to 1.06 s"),
+        ("current", hold_still(1.0, 1.06), "current stands still from"),
+    ],
+)
+def test_what_hides_the_onset_of_a_step_withholds_its_direction_alone(channel: str, fault: Any, words: str) -> None:
+    found = step([changed(log(), channel, fault)])
+    assert found.verdict == "warning"
+    assert said(found, words, "withheld")
+    for name in NAMES:
+        rise = found.one(name, direction="rise")
+        assert rise.value is None
+        assert words in rise.description
+    assert found.one("time_constant_1", direction="fall").value == pytest.approx(0.45, abs=5e-3)
+
+
+def test_a_freeze_far_from_any_step_withholds_nothing() -> None:
+    found = step([changed(log(), "force_axial", hold_still(4.0, 4.2))])
+    assert found.one("delay", direction="rise").value == pytest.approx(0.02, abs=3e-3)
+
+
+def test_a_coarse_converter_is_not_taken_for_a_freeze() -> None:
+    record = record_of(log(force_lsb=3.0, force_noise=0.5))
+    assert not record.breaks
+
+
+def test_of_several_steps_one_that_is_hidden_leaves_the_others_to_tell() -> None:
+    whole = log(times=[1, 6, 12, 17], levels=[6, 0, 6, 0], duration=24.0)
+    found = step([changed(whole, "force_axial", hold_still(1.0, 1.06))])
+    assert said(found, "that step tells little")
+    assert found.one("delay", direction="rise").value == pytest.approx(0.02, abs=3e-3)
+    assert found.one("time_constant_2", direction="rise").value == pytest.approx(0.04, abs=6e-3)
+
+
+def test_a_set_point_with_noise_on_it_is_still_called_a_set_point() -> None:
+    noise = 0.01 * np.random.default_rng(1).standard_normal(7000)
+    found = step([changed(log(coil=0.1, logged="set_point"), "current", lambda _t, x: x + noise)])
+    assert said(found, "set-point")
+    for direction in ("rise", "fall"):
+        for name in ("delay", "time_constant_2"):
+            p = found.one(name, direction=direction)
+            assert p.value is None
+        assert found.one("t63", direction=direction).value is not None
+
+
+def test_a_coil_of_5_ms_is_no_set_point() -> None:
+    found = step([log(rate=1000.0, coil=0.005)])
+    assert not said(found, "set-point")
+    assert found.one("delay", direction="rise").value == pytest.approx(0.02, abs=3e-3)
+
+
+def test_milliseconds_taken_as_seconds_are_named_and_the_work_stays_bounded() -> None:
+    plain = log(rate=500.0)
+    (stream,) = plain.streams.values()
+    slow = replace(plain, streams={stream.name: replace(stream, time=1e3 * stream.time)})
+    assert record_of(slow).grid.size < 100_000
+    found = step([slow])
+    assert said(found, "ms taken as s")
+    assert found.verdict == "warning"
+
+
+def test_lags_that_are_alike_are_told_as_a_sum_and_no_drift_is_invented() -> None:
+    found = step([log(tau1_rise=0.08, tau2_rise=0.08, tau1_fall=0.3, tau2_fall=0.3, rate=1000.0)])
+    assert not said(found, "drifts")
+    for direction, total in (("rise", 0.16), ("fall", 0.6)):
+        p = found.one("time_constant_1", direction=direction)
+        assert p.value is None
+        assert float(p.description.split("sum is ")[1].split(" ")[0]) == pytest.approx(total, rel=0.02)
+
+
+def test_a_current_of_both_signs_is_said() -> None:
+    found = step([log(times=[1, 6, 11], levels=[6, -6, 0], duration=18.0)])
+    assert said(found, "both signs")
