@@ -34,6 +34,8 @@ _SURE, _LEAST = 4.0, 0.01
 # The parts of a run agree up to this reduced chi-squared; without the part that tells most the others must still tell
 # the shift by so many standard errors.
 _AGREE, _ALSO = 5.0, 2.0
+# The clock as logged is doubtful where the parts contradict it by so many standard errors in the mean.
+_DOUBT = 3.0
 # An unapplied drift of so many standard errors counts as uncertainty of the rate.
 _SEEN = 2.0
 
@@ -124,8 +126,8 @@ def _encoder(record: Record, counts: Counts, spans: Sequence[Span]) -> tuple[Rec
     elif encoder.disagree:
         text = (
             f"the clock of the encoder is doubtful: start-up, unlocking, relocking and run-down tell {encoder.shift:+.3f} s (standard "
-            f"error {encoder.shift_sd:.3f} s) against that of the torques, but they do not bear each other out, or only one tells; it is "
-            "used as logged, and what needs both boards is doubtful"
+            f"error {encoder.shift_sd:.3f} s) against that of the torques, but they do not bear each other out, only one tells, or its rate "
+            "is off; it is used as logged, and what needs both boards is doubtful"
         )
         problems.append(Problem(record.encoder.span, text))
     elif encoder.applied:
@@ -241,12 +243,11 @@ def _clock(parts: Sequence[Part], far: float = 0.0) -> ClockFit | None:
     error = math.sqrt(excess / float(weight.sum()))
     off = abs(mean) > max(_SURE * error, _LEAST)
     agree = dof > 0 and excess < _AGREE and _without_best(shift - drift * (time - middle) * drifts, weight) > _ALSO
-    beyond = np.abs(shift) > _SURE * sd
-    contradict = beyond.all() or beyond.sum() > 1
-    disagree = bool(contradict and not (far or drifts or (agree and off)))
+    applied = bool(far) or (off and agree) or drifts
+    disagree = not applied and _excess(weight, shift, len(parts)) > (_DOUBT if len(parts) > 1 else _SURE) ** 2
     # The drift counts from the board's own zero, which `far` moved.
     start = far + mean - drift * (middle - far) if drifts else far + mean
-    return ClockFit(start, error, drift, drift_sd, bool(far) or (off and agree) or drifts, drifts, disagree)
+    return ClockFit(start, error, drift, drift_sd, bool(applied), bool(drifts), bool(disagree))
 
 
 def _without_best(shift: np.ndarray, weight: np.ndarray) -> float:

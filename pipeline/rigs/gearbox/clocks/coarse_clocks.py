@@ -128,9 +128,12 @@ def _turns(grid: np.ndarray, spans: Sequence[Span]) -> np.ndarray:
 
 
 def _search(grid: np.ndarray, columns: np.ndarray, time: np.ndarray, signal: np.ndarray) -> Coarse | None:
-    """Return the shift at which the columns explain ``signal(grid + shift)`` best."""
+    """Return the shift at which the columns explain ``signal(grid + shift)`` best: none, where they do as logged."""
     if grid.size < _FEWEST or time.size < _FEWEST:
         return None
+    as_logged = _unexplained(grid, columns, time, signal)
+    if as_logged < _LEFT:
+        return Coarse(0.0, True, as_logged, as_logged)
     shifts = np.arange(-round(FAR / _STEP), round(FAR / _STEP) + 1) * _STEP
     left = np.array([_unexplained(grid + shift, columns, time, signal) for shift in shifts])
     drive = columns[:, -1] - columns[:, -1].mean()
@@ -147,7 +150,6 @@ def _search(grid: np.ndarray, columns: np.ndarray, time: np.ndarray, signal: np.
     # What drives the signal, acceleration or slip, must be seen in it: levels alone fit at many shifts.
     undriven = _unexplained(grid + shifts[best], columns[:, :-1], time, signal)
     driven = undriven > _DRIVEN * float(left[best])
-    as_logged = float(left[round(FAR / _STEP)])
     sure = bool(left[best] < _LEFT and clear and inside and driven)
     # What does nearly as well beside it, without a break.
     worse = np.flatnonzero(~(left < _ALIKE * left[best]))

@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.estimation.uncertainty import effective_size
 from pipeline.rigs.gearbox.clocks.shift_search import Part
 from pipeline.rigs.gearbox.record import Record
-from pipeline.rigs.gearbox.stages.brake_events import brake_events
+from pipeline.rigs.gearbox.stages.brake_events import brake_rise
 from pipeline.rigs.gearbox.stages.count_events import angle_in
 from pipeline.rigs.gearbox.stages.counts import Counts
 from pipeline.rigs.gearbox.stages.input_torque import CLEAR
@@ -38,10 +38,10 @@ def unlock_part(record: Record, counts: Counts, stages: Sequence[Stage], sos: St
     before = [stage for stage in stages if stage.end <= sos.start + 1e-9 and stage.name.startswith("fos")]
     if not before:
         return None
-    events = brake_events(record, counts, before[-1], sos.start)
-    if not {"brake_onset", "unlock"} <= set(events):
+    rise = brake_rise(record, counts, before[-1], sos.start)
+    if rise is None or rise.onset is None:
         return None
-    onset, unlock = events["brake_onset"].time, events["unlock"].time
+    onset, unlock = rise.onset, rise.peak
     span = (max(onset - _BEFORE, before[-1].start), min(unlock + _AFTER, sos.start - 0.02))
     t, angle = angle_in(counts, span)
     torque = record.torque.part(span[0] - 2 * _REACH, span[1] + 2 * _REACH)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,33 +26,65 @@ _RISE = 0.75
 # A straight ramp is fitted so late at the most to one that a drive passes on with its lag, and the low-passed peak
 # comes so late after the bend, s.
 _LATE = 0.06
+# A locked drive that droops under the brake keeps this share of its speed.
+_LEAVES = 0.85
+
+
+@dataclass(frozen=True)
+class Rise:
+    """The rise of the input torque under the brake: its span of fit, its straight onset and its low-passed peak, s."""
+
+    span: tuple[float, float]
+    onset: float | None
+    peak: float
+
+
+def brake_rise(record: Record, counts: Counts, fos: Stage, stop: float) -> Rise | None:
+    """Return where the input torque rises under the brake until the lock breaks; None where it does not."""
+    torque = record.torque.part(max(fos.start, fos.end - 4.0), stop + 0.5)
+    if torque.time.size < 60:
+        return None
+    smooth = low_pass(torque.time, torque["torque_in"], PEAK_CUTOFF)
+    smooth = smooth * np.sign(np.median(smooth))
+    last = _slipping(counts, fos, stop)
+    candidates = np.flatnonzero((torque.time >= fos.end - 0.8) & (torque.time <= last))
+    if not candidates.size:
+        return None
+    peak = candidates[int(np.argmax(smooth[candidates]))]
+    rough = float(torque.time[peak])
+    early = smooth[torque.time < rough - 1.0]
+    base = float(np.median(early)) if early.size else float(smooth[0])
+    risen = np.flatnonzero(smooth[:peak] < base + _RISE * (smooth[peak] - base))
+    span = (float(torque.time[0]), float(torque.time[risen[-1] if risen.size else 0]))
+    time, level, turned = turning(record, counts, span, BLOCK)
+    if time.size < 30:
+        return Rise(span, None, rough)
+    within = (max(float(time[0]) + 0.1, rough - 1.0), float(time[-1]))
+    late, _ = find_break(time, level, ripple(turned), [ramp], within)
+    return Rise(span, late.time, rough)
+
+
+def _slipping(counts: Counts, fos: Stage, stop: float) -> float:
+    """Return when the output has surely left the input, s: slip may need more torque than the lock carried."""
+    inside = (counts.time >= fos.end - 0.8) & (counts.time <= stop)
+    if not counts.whole(fos.end - 0.8, stop) or inside.sum() < 10:
+        return stop + 0.1
+    speed, usual = counts.speed()[inside], counts.rate(max(fos.start, fos.end - 2.0), fos.end - 0.2)[0]
+    fast = np.flatnonzero(speed > _LEAVES * usual)
+    return float(counts.time[inside][fast[-1]]) + 0.5 * counts.window if fast.size else stop + 0.1
 
 
 def brake_events(record: Record, counts: Counts, fos: Stage, stop: float) -> dict[EventName, EventTime]:
     """Return when the brake began to load the gearbox and when the lock broke, both from the input torque."""
-    torque = record.torque.part(max(fos.start, fos.end - 4.0), stop + 0.5)
-    if torque.time.size < 60:
+    rise = brake_rise(record, counts, fos, stop)
+    if rise is None:
         return {}
-    smooth = low_pass(torque.time, torque["torque_in"], PEAK_CUTOFF)
-    smooth = smooth * np.sign(np.median(smooth))
-    candidates = np.flatnonzero((torque.time >= fos.end - 0.8) & (torque.time <= stop + 0.1))
-    if not candidates.size:
-        return {}
-    peak = candidates[int(np.argmax(smooth[candidates]))]
-    rough = float(torque.time[peak])
+    rough, span = rise.peak, rise.span
     found: dict[EventName, EventTime] = {"unlock": EventTime(rough, 0.25 / PEAK_CUTOFF)}
-    early = smooth[torque.time < rough - 1.0]
-    base = float(np.median(early)) if early.size else float(smooth[0])
-    risen = np.flatnonzero(smooth[:peak] < base + _RISE * (smooth[peak] - base))
-    if not risen.size:
+    if rise.onset is None:
         return found
-    span = (float(torque.time[0]), float(torque.time[risen[-1]]))
     time, level, turned = turning(record, counts, span, BLOCK)
-    if time.size < 30:
-        return found
-    within = (max(float(time[0]) + 0.1, rough - 1.0), float(time[-1]))
-    late, _ = find_break(time, level, ripple(turned), [ramp], within)
-    within = (max(within[0], late.time - _LATE), min(late.time + 0.01, within[1]))
+    within = (max(float(time[0]) + 0.1, rough - 1.0, rise.onset - _LATE), min(rise.onset + 0.01, float(time[-1])))
     onset, _ = find_lagged_break(time, level, ripple(turned), lambda t, t0, lag: _comes_on(t - t0, lag), within)
     found["brake_onset"] = onset
     time, level, turned = turning(record, counts, (span[0], rough), FINE)

@@ -11,7 +11,8 @@ import numpy as np
 
 from pipeline.rigs.gearbox.stages.stage import EventTime
 
-_STEPS = 50
+# Candidates of the first search and of the three finer ones.
+_STEPS, _FINER = 40, 15
 Shape = Callable[[np.ndarray], np.ndarray]
 
 
@@ -83,11 +84,11 @@ def find_break(
     rest = values - base @ (base.T @ values)
     without = float(rest @ rest)
     low, high = within
-    for _ in range(3):
-        candidates = np.linspace(low, high, _STEPS)
+    for steps in (_STEPS, _FINER, _FINER, _FINER):
+        candidates = np.linspace(low, high, steps)
         squares = np.array([_unexplained(time - t0, rest, base, shapes) for t0 in candidates])
         best = int(np.argmin(squares))
-        low, high = candidates[max(best - 2, 0)], candidates[min(best + 2, _STEPS - 1)]
+        low, high = candidates[max(best - 2, 0)], candidates[min(best + 2, steps - 1)]
     t0 = float(candidates[best])
     dof = max(time.size - base.shape[1] - len(shapes) - 1, 1)
     variance = max(float(squares[best]) / dof, noise**2)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from pipeline.rigs.gearbox.stages.stage import EventTime
 LAST = 0.1
 """The first motion after a stand, and the last before one, that is fitted, s."""
 
+# Samples that tell a stop or a start, that of the stand included.
+_FEWEST = 5
+# A stop within so many samples is told to a sample only.
+_FEW = 10
 # A start is looked for this far ahead of the first count, s.
 _REACH = 0.5
 
@@ -41,25 +46,33 @@ def turns_from(counts: Counts, end: float, window: float) -> EventTime:
     return EventTime(0.5 * (late.time + early.time), math.hypot(spread, 0.5 * (late.sd + early.sd)))
 
 
-def turns_until(counts: Counts, start: float) -> EventTime:
-    """Return when the shaft stood, from its last counts: it slows down evenly."""
+def turns_until(counts: Counts, start: float, since: float = -math.inf) -> EventTime:
+    """Return when the shaft stood, from its last counts: it slows down evenly, from `since` (s) on at the earliest."""
     if (unseen := _unseen(counts, start)) is not None:
         return unseen
     at, _ = edges(counts)
     k = max(int(np.searchsorted(at, start + 1e-6)) - 1, 0)
     last, first = float(at[k]), float(at[max(k - 5, 0)])
-    fitted = (min(last - LAST, first), last)
-    return _standing_end(counts, fitted, (last, last + counts.still), last + counts.still, (parabola_before,))
+    fitted = (max(min(last - LAST, first), min(since, last)), last)
+    found = _standing_end(counts, fitted, (last, last + counts.still), last + counts.still, (parabola_before,))
+    sampling = float(np.median(np.diff(counts.time)))
+    few = found.time - since < _FEW * sampling
+    return replace(found, sd=math.hypot(found.sd, sampling)) if few else found
 
 
 def _unseen(counts: Counts, bound: float) -> EventTime | None:
     """Return the middle of a gap in the counts in which a stand's `bound` lies, s: it hides the event."""
     near = 2.0 * float(np.median(np.diff(counts.time)))
-    hidden = [gap for gap in counts.gaps if gap[0] - near <= bound <= gap[1] + near]
+    return hidden_in(counts, bound - near, bound + near, -math.inf)
+
+
+def hidden_in(counts: Counts, start: float, end: float, earliest: float) -> EventTime | None:
+    """Return the middle of the gap in the counts that hides what happens between `start` and `end`, s; None without one."""
+    hidden = [gap for gap in counts.gaps if gap[0] <= end and gap[1] >= start]
     if not hidden:
         return None
-    start, end = hidden[0]
-    return EventTime(0.5 * (start + end), (end - start) / math.sqrt(12))
+    first, last = max(hidden[0][0], earliest), hidden[-1][1]
+    return EventTime(0.5 * (first + last), (last - first) / math.sqrt(12))
 
 
 def _standing_end(
@@ -74,7 +87,7 @@ def _standing_end(
     t, angle = np.append(t, stands), np.append(angle, still)
     edge = fitted[0] if stands < fitted[0] else fitted[1]
     sampling = float(np.median(np.diff(counts.time)))
-    if t.size < 6:
+    if t.size < _FEWEST:
         return EventTime(edge, 0.25 * counts.still + sampling)
     found, _ = find_break(t, angle, [np.ones_like(t)], shapes, within, counts.step / math.sqrt(12))
     return EventTime(found.time, math.hypot(found.sd, sampling / math.sqrt(12.0)))

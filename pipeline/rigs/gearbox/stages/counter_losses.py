@@ -32,6 +32,8 @@ _QUICK, _ALONE, _SHARP, _HELD = 0.045, 6.0, 0.7, 1.0
 _SHORT = 0.5
 # Where the shaft comes to rest unseen, s at the most.
 _UNSEEN = 1.0
+# A shaft that slows down may stand within so many updates.
+_SOON = 5.0
 # So short a pause (s) without a lost count harms nothing.
 _HARMLESS = 0.08
 # More losses than these are told together.
@@ -244,6 +246,9 @@ def _loss(
     stops = clear[0]
     side, at = (before, gap[0]) if stops else (after, gap[1])
     slowing = -side.slope if stops else side.slope
+    if slowing > 0.0 and side.speed < _SOON * usual * slowing:
+        # So hard a brake stops a light load between two updates.
+        return None
     length = min(2 * side.speed / slowing + 2 * usual if slowing > 0 else _UNSEEN, _UNSEEN, 0.5 * lasted)
     text = (
         f"the encoder {'stopped counting' if stops else 'began to count'} at {at:.2f} s while the shaft turned at "

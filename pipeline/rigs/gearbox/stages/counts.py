@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from pipeline.estimation.uncertainty import effective_size
-from pipeline.rigs.gearbox.record import COUNT, SPEED, Record
+from pipeline.rigs.gearbox.record import COUNT, SPEED, Record, Signal
 from pipeline.rigs.gearbox.stages.counter_faults import direction, held, mended
 from pipeline.rigs.gearbox.stages.counter_losses import bridged
 from pipeline.rigs.gearbox.stages.stage import Problem
@@ -109,15 +110,21 @@ class Counts:
 
 def counts_of(record: Record) -> Counts:
     """Return the angle of the output shaft from counts, or from a logged speed where there are none."""
-    time = record.encoder.time
-    if not record.has_counts:
-        return _of_speed(time, record.encoder[SPEED])
-    counts, problems = mended(time, record.encoder[COUNT], record.counts_per_turn)
+    return _of(record.encoder, record.counts_per_turn)
+
+
+@lru_cache(maxsize=2)
+def _of(encoder: Signal, per_turn: float) -> Counts:
+    """Return the angle that a log tells; kept for the last ones: clocks, stages and numbers all ask for it."""
+    time = encoder.time
+    if COUNT not in encoder:
+        return _of_speed(time, encoder[SPEED])
+    counts, problems = mended(time, encoder[COUNT], per_turn)
     counts, turned = direction(time, counts)
     time, counts = held(time, counts)
     top = _top(time, counts)
-    time, counts, gaps, lost = bridged(time, counts, record.counts_per_turn)
-    step = 2.0 * math.pi / record.counts_per_turn
+    time, counts, gaps, lost = bridged(time, counts, per_turn)
+    step = 2.0 * math.pi / per_turn
     return Counts(time, counts * step, step, top * step, tuple(gaps), (*problems, *turned, *lost))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.rigs.gearbox.record import Record
 from pipeline.rigs.gearbox.stages.brake_events import GRIPS, brake_events
 from pipeline.rigs.gearbox.stages.breaks import find_break, parabola, parabola_before, ramp, ramp_before, step
-from pipeline.rigs.gearbox.stages.count_events import LAST, angle_in, slows_from, turns_from, turns_until
+from pipeline.rigs.gearbox.stages.count_events import LAST, angle_in, hidden_in, slows_from, turns_from, turns_until
 from pipeline.rigs.gearbox.stages.counts import Counts
 from pipeline.rigs.gearbox.stages.input_torque import (
     BLOCK,
@@ -35,6 +35,8 @@ from pipeline.rigs.gearbox.stages.stage import EventName, EventTime, Stage
 _SIGNIFICANT = 25.0
 # What is fitted before and after a start, s, and how far from the first guess it may lie.
 _WIND_UP, _SPEEDS_UP, _ASTRAY = 0.25, 0.2, 0.1
+# A motor that was switched on has wound the shafts up when its torque is so large a share of that of FOS.
+_WOUND = 0.33
 # After the drive lets go only so much is fitted, s: soon the load drives the gearbox, and the lag is another.
 _FALLS = 0.03
 # Where the lag of the drive is not known: as much, s, as standard error too.
@@ -67,8 +69,10 @@ def startup_event(record: Record, counts: Counts, stages: Sequence[Stage], drive
     near = min(blunt.time, first - 0.05)
     # The counts, which bend smoothly, are late rather than early.
     since = near - max(0.12, min(3.0 * blunt.sd, 0.25))
-    time, level = means(record, (since - 0.1, first + 0.15), BLOCK)
-    if time.size < 30:
+    motor_on = _wound_up(record, stages[i - 1], stages[i], stages[i + 1 :])
+    since = max(since, motor_on + 2 * BLOCK)
+    time, level = means(record, (max(since - 0.1, motor_on), first + 0.15), BLOCK)
+    if time.size < 20 or not since < first:
         return {"startup": blunt}
     late = time - first
     columns = [np.ones_like(late), late, late**2]
@@ -79,16 +83,28 @@ def startup_event(record: Record, counts: Counts, stages: Sequence[Stage], drive
     if drive is None:
         # The straight bend is late by about the lag.
         return {"startup": EventTime(bend.time - _ANY_LAG, math.hypot(bend.sd, _ANY_LAG))}
-    time, level = means(record, (bend.time - _WIND_UP, bend.time + _SPEEDS_UP), BLOCK)
+    time, level = means(record, (max(bend.time - _WIND_UP, motor_on), bend.time + _SPEEDS_UP), BLOCK)
     late = time - bend.time
     columns = [np.ones_like(late), late, late**2]
-    within = (bend.time - _ASTRAY, bend.time + 0.5 * _ASTRAY)
+    within = (max(bend.time - _ASTRAY, motor_on + BLOCK), bend.time + 0.5 * _ASTRAY)
     noise = steady_noise(record, counts, stages)
     lags = (drive.lag, max(drive.lag - drive.lag_sd, 0.1 * drive.lag), drive.lag + drive.lag_sd)
     found, less, more = (find_lagged_break(time, level, columns, _speeds_up, within, (lag,), noise)[0] for lag in lags)
     # The straight bend, earlier by the lag, tells the same: how far both are apart shows what the shape leaves open.
     shape = bend.time - drive.lag - found.time
     return {"startup": EventTime(found.time, math.hypot(found.sd, 0.5 * (more.time - less.time), shape))}
+
+
+def _wound_up(record: Record, standstill: Stage, startup: Stage, later: Sequence[Stage]) -> float:
+    """Return when the input torque has come a third of the way to FOS, s: the motor's begin bends it, too, and before that."""
+    fos = next((stage for stage in later if stage.name.startswith("fos")), None)
+    time, level = means(record, (standstill.start, startup.start), BLOCK)
+    if fos is None or time.size < 10:
+        return standstill.start
+    base = float(np.median(level[: max(time.size // 2, 5)]))
+    running = float(np.median(means(record, (fos.start, fos.end), BLOCK)[1])) - base
+    below = np.flatnonzero((level - base) * np.sign(running) < _WOUND * abs(running))
+    return float(time[below[-1]]) if below.size else standstill.start
 
 
 def _speeds_up(time: np.ndarray, t0: float, lag: float) -> np.ndarray:
@@ -143,6 +159,8 @@ def cycle_events(record: Record, counts: Counts, stages: Sequence[Stage], sos: S
         found["sos_start"] = turns_until(counts, sos.start)
     if before and before[-1].name.startswith("fos"):
         found.update(brake_events(record, counts, before[-1], found["sos_start"].time))
+        if "unlock" in found:
+            found["sos_start"] = turns_until(counts, sos.start, found["unlock"].time)
     after = [stage for stage in stages[i + 1 :] if stage.name != "release"]
     if i + 1 < len(stages) and stages[i + 1].name not in ("standstill", "stall"):
         found["sos_end"] = turns_from(counts, sos.end, LAST)
@@ -157,6 +175,8 @@ def _relock(record: Record, counts: Counts, free: float, fos: Stage) -> EventTim
     The bend of the speed is sure and blunt, the fall of the torque sharp where there is one.
     """
     near = fos.start
+    if (unseen := hidden_in(counts, free, near + 0.2, free)) is not None:
+        return unseen
     span = (max(free + 0.05, near - 0.45), min(near + 0.5, fos.end))
     t, angle = angle_in(counts, span)
     within = (span[0] + 0.1, min(near + 0.2, span[1] - 0.1))

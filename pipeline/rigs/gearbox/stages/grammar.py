@@ -100,7 +100,8 @@ def _extra(stages: Sequence[Stage]) -> list[Problem]:
             f"a further brake cycle: the output is held again from {stage.start:.2f} to {stage.end:.2f} s (cycle {k}); the run's SOS "
             "values are those of the first cycle, the load's inertia and drag those of all"
         )
-        problems.append(Problem((stage.start, stage.end), text))
+        # The protocol allows it.
+        problems.append(Problem((stage.start, stage.end), text, "note"))
     for stage in stages:
         if stage.name == "stall":
             text = (
@@ -139,5 +140,9 @@ def _missing(stages: Sequence[Stage]) -> list[Problem]:
     if "sos" in names and "fos_after" not in names:
         sos = next(stage for stage in stages if stage.name == "sos")
         text = "step 6 of the protocol is missing: after SOS the output did not run at nominal speed again"
+        if stages[-1].name in ("sos", "release"):
+            text = (
+                f"step 6 of the protocol is missing: the record ends in {_SPOKEN[stages[-1].name]}, at {whole[1]:.2f} s"
+            )
         return [Problem((sos.start, whole[1]), text)]
     return []

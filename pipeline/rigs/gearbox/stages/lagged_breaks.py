@@ -20,7 +20,7 @@ from pipeline.rigs.gearbox.stages.stage import EventTime
 _STEPS, _FINER, _LAGS = 40, 15, 7
 # How long noise is correlated at the most, as a share of the fitted stretch.
 _MEMORY = 0.1
-LAGS = (0.002, 0.004, 0.007, 0.01, 0.014, 0.02, 0.028, 0.04)
+LAGS = (0.002, 0.005, 0.01, 0.018, 0.028, 0.04)
 """Lags tried first, s."""
 
 Shape = Callable[[np.ndarray, float, float], np.ndarray]

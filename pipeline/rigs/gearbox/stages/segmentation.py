@@ -23,6 +23,8 @@ from pipeline.rigs.gearbox.stages.stage import Cycle, EventName, EventTime, Prob
 
 # The encoder may tell nothing for so long (s) before the torque is asked; it has then changed by this share of its level.
 _LONG_GAP, _CHANGED, _FEW = 0.3, 0.3, 20
+# The encoder may be logged for so long without the torques, s.
+_ALONE = 0.5
 # What is left of a stage that was cut lasts so long at the least, s.
 _SHORTEST = 0.15
 
@@ -45,11 +47,14 @@ def segment(record: Record) -> Segmentation:
         return Segmentation((), {}, False, (*counts.problems, _never_turns(counts)), nominal)
     levels = levels_of(record)
     nominal = steady_speed(counts, spans)
+    spans, alone = _with_torques(record, spans)
+    if not any(span.state == "nominal" for span in spans):
+        return Segmentation((), {}, False, (*counts.problems, *alone), nominal)
     spans, frozen = levels.hesitations(levels.split(spans))
     rough, problems = rough_stages(record, spans, levels)
     # What lies in a gap of the counts has been told with the gap.
     problems = [p for p in problems if not any(a - 0.1 <= p.span[0] and p.span[1] <= b + 0.1 for a, b in counts.gaps)]
-    problems += frozen
+    problems += [*frozen, *alone]
     stages, cycles, unplaced = _refined(record, counts, rough)
     problems += unplaced
     found = dict(cycles[0][1]) if cycles else {}
@@ -134,6 +139,20 @@ def _cut(stage: Stage, start: float, end: float) -> list[Stage]:
     """Return what is left of a stage without the time from `start` to `end`."""
     left = replace(stage, end=min(stage.end, start)), replace(stage, start=max(stage.start, end))
     return [one for one in left if one.duration > _SHORTEST]
+
+
+def _with_torques(record: Record, spans: list[Span]) -> tuple[list[Span], list[Problem]]:
+    """Return the spans while torques were logged: beyond, a standing shaft may be anything."""
+    first, last = record.torque.span
+    problems = []
+    for text, start, end in (
+        (f"the torques begin at {first:.2f} s only, the encoder at {spans[0].start:.2f} s", spans[0].start, first),
+        (f"the torques end at {last:.2f} s, the encoder goes on to {spans[-1].end:.2f} s", last, spans[-1].end),
+    ):
+        if end - start > _ALONE:
+            problems.append(Problem((start, end), f"{text}: no stage can be told without torques"))
+    cut = [replace(span, start=max(span.start, first), end=min(span.end, last)) for span in spans]
+    return [span for span in cut if span.end > span.start], problems
 
 
 def _never_turns(counts: Counts) -> Problem:
