@@ -49,6 +49,8 @@ def _run(level: Level, found: RunFit) -> dict[str, float | str | None]:
 
 def _motion(found: RunFit) -> str:
     degrees = {stroke.degree for stroke in found.fit.data.motion.strokes}
+    if found.fit.data.motion.shift_spread is not None:
+        return "as read"
     if 0 in degrees:
         return "not smooth"
     return "constant rate" if degrees == {1} else "changing rate"

@@ -93,7 +93,8 @@ class _Problem:
             turns = self.turns0.copy()
             turns[list(standing)] = places
             stroke = np.searchsorted([s.end for s in motion.strokes[:-1]], time, side="right")
-            return Path(self.data.d_read - turns[0], stroke, turns - turns[0], time[[0, -1]])
+            d = self.data.d_read + m[stroke] if m.size else self.data.d_read
+            return Path(d - turns[0], stroke, turns - turns[0], time[[0, -1]])
         times, turns = motion.crossings(m, float(time[0]))
         turns[list(standing)] = places
         stroke = np.searchsorted(times[1:-1], time, side="right")
@@ -128,10 +129,13 @@ class _Problem:
         F = self.data.force
         motion = self.data.motion
         places = np.clip(self.turns0, motion.lowest, motion.highest)[list(standing)]
+        # Turns known to within a sample wait for the whole fit.
+        sought = () if motion.turn_spread is not None else standing
         rhos = self.rhos()
 
         def solved(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            A = self.columns(self.path(self.m0, standing, q[1:] * motion_unit), math.exp(q[0]))
+            there = q[1:] * motion_unit if sought else places
+            A = self.columns(self.path(self.m0, standing, there), math.exp(q[0]))
             c = _solved(A, F)
             return c, F - A @ c
 
@@ -139,19 +143,19 @@ class _Problem:
             return solved(q)[1]
 
         motion_unit = self.stroke_length / 100
-        q_places = places / motion_unit
+        q_places = places / motion_unit if sought else np.zeros(0)
         if log_rho is None:
             costs = [float(np.sum(solved(np.r_[math.log(rho), q_places])[1] ** 2)) for rho in rhos[::3]]
             log_rho = math.log(rhos[::3][int(np.argmin(costs))])
         start = np.r_[log_rho, q_places]
-        low = np.r_[math.log(rhos[0]), motion.lowest[list(standing)] / motion_unit - 1e-9]
-        high = np.r_[math.log(rhos[-1]), motion.highest[list(standing)] / motion_unit + 1e-9]
+        low = np.r_[math.log(rhos[0]), motion.lowest[list(sought)] / motion_unit - 1e-9]
+        high = np.r_[math.log(rhos[-1]), motion.highest[list(sought)] / motion_unit + 1e-9]
         found = least_squares(
             misfit, np.clip(start, low + 1e-12, high - 1e-12), bounds=(low, high), x_scale=0.3,
             ftol=1e-10, xtol=1e-10,
         )  # fmt: skip
         c, r = solved(found.x)
-        z = np.r_[found.x[0], found.x[1:] * motion_unit, c, self.m0]
+        z = np.r_[found.x[0], found.x[1:] * motion_unit if sought else places, c, self.m0]
         dof = max(F.size - c.size - found.x.size, 1)
         return _Start(standing, z, float(r @ r), math.sqrt(float(r @ r) / dof))
 
@@ -174,6 +178,9 @@ class _Problem:
         spread = np.sqrt(np.diag(self.data.motion.covariance)) if k else np.zeros(0)
         scale = np.r_[0.1, np.full(s, 1e-3 * self.stroke_length), sigma / size, spread]
         linear = slice(1 + s, 1 + s + p)
+        turn_spread = self.data.motion.turn_spread
+        if turn_spread is not None:
+            turn_spread = np.r_[max(turn_spread[0], self.data.start_spread), turn_spread[1:]]
 
         def rows(y: np.ndarray) -> np.ndarray:
             z = start.z + scale * y
@@ -181,6 +188,8 @@ class _Problem:
             parts = [(F - self.columns(path, rho) @ c) / sigma]
             if k:
                 parts.append(self.gauge @ (z[-k:] - self.m0))
+            if turn_spread is not None:
+                parts.append((z[1 : 1 + s] - self.turns0) / turn_spread)
             if before > 0:
                 first = self.data.motion.crossings(z[-k:], float(self.data.time[0]))[1][0]
                 parts.append(np.array([(z[1] - first) / before]))

@@ -26,6 +26,11 @@ def _motion(runs: pd.DataFrame) -> str:
             "the least degree that passes through these moments (degree 1, a constant rate, unless they ask for more). "
         )
     kinds = runs["motion"].value_counts()
+    if "as read" in kinds:
+        text += (
+            "Readings whose noise, in terms of force, is small beside the force's own were taken as they are; what all of a stroke are off alike, and where a turn falls between two "
+            "samples, was fitted along. "
+        )
     return text + "Found: " + ", ".join(f"{kind} in {counted(int(n), 'run')}" for kind, n in kinds.items()) + "."
 
 

@@ -1,7 +1,8 @@
 """How a press moved between its turns: a smooth motion in time through what the gauge tells.
 
 A stroke is a polynomial in time of the least degree that the marks ask for (1 is a constant rate); where none
-follows them, the motion is taken at the marks only. Strokes meet where they cross, or at a standstill.
+follows them, the motion is taken at the marks only. Strokes meet where they cross, or at a standstill. Readings
+that are fine beside the noise of the force need no such motion: `read_finely` takes them as they are.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ LEAST_STROKE, _LEAST_STEPS = 0.05, 2.5
 _FEWEST_MARKS = 4
 _EXACT = 1e-6
 _BEAT_MEAN = 0.5
+# So many readings on either side of a turn tell where it fell between two samples.
+_NEAR_TURN = 10
 # Marks that miss by no more than this times what the sample interval allows ask for nothing more.
 _AS_EXPECTED = 1.25
 
@@ -70,12 +73,16 @@ class Motion:
     """Strokes of one record, and the step of the gauge (m, 0 where it is fine).
 
     `lowest` and `highest` bound each turn's displacement, shape (strokes + 1,): what the gauge shows there.
+    Of readings taken as they are, `shift_spread` is how far all of a stroke may be off alike, shape (strokes,), and
+    `turn_spread` how well each turn is known (m, 1 sigma), shape (strokes + 1,).
     """
 
     strokes: tuple[Stroke, ...]
     step: float
     lowest: np.ndarray
     highest: np.ndarray
+    shift_spread: np.ndarray | None = None
+    turn_spread: np.ndarray | None = None
 
     @property
     def smooth(self) -> bool:
@@ -84,7 +91,9 @@ class Motion:
 
     @property
     def coefficients(self) -> np.ndarray:
-        """All coefficients, one stroke after the other; empty where the motion is known at marks only."""
+        """All coefficients, one stroke after the other, or shifts; empty where the motion is known at marks only."""
+        if self.shift_spread is not None:
+            return np.zeros(self.shift_spread.size)
         if not self.smooth:
             return np.zeros(0)
         return np.concatenate([s.coefficients for s in self.strokes if s.coefficients is not None])
@@ -92,6 +101,8 @@ class Motion:
     @property
     def covariance(self) -> np.ndarray:
         """Covariance of `coefficients`."""
+        if self.shift_spread is not None:
+            return np.diag(self.shift_spread**2)
         size = self.coefficients.size
         out = np.zeros((size, size))
         at = 0
@@ -215,23 +226,21 @@ def _stroke(direction: float, marks: Marks, start: float, end: float, step: floa
 
 
 def _crossing(s: Stroke, a: np.ndarray, n: Stroke, b: np.ndarray) -> float:
-    """Return when the motion goes over from one stroke to the next: where they cross, by bisection."""
-    from scipy.optimize import brentq
-
+    """Return when the motion goes over from one stroke to the next: where their straight ends cross."""
     low, high = float(s.marks.time[-1]), float(n.marks.time[0])
-    if s.degree == 1 and n.degree == 1:
-        va, vb = a[1] / s.scale, b[1] / n.scale
-        if va != vb:
-            pa, pb = a[0] - va * s.t0, b[0] - vb * n.t0
-            return float((pb - pa) / (va - vb))
-    ahead = s.direction
-
-    def excess(t: float) -> float:
-        return ahead * float(s.at(np.array(t), a) - n.at(np.array(t), b))
-
-    if not excess(low) < 0 < excess(high):
+    (pa, va), (pb, vb) = _end(a, s.scale, 1.0), _end(b, n.scale, -1.0)
+    if va == vb:
         return 0.5 * (low + high)
-    return float(brentq(excess, low, high, xtol=1e-7))
+    at = (pb - vb * high - pa + va * low) / (va - vb)
+    constant = s.degree == 1 and n.degree == 1
+    return float(at) if constant or low < at < high else 0.5 * (low + high)
+
+
+def _end(c: np.ndarray, scale: float, side: float) -> tuple[float, float]:
+    """Return place (m) and velocity (m/s) of a Legendre series at its last (`side` 1) or first (-1) mark."""
+    order = np.arange(c.size)
+    sign = side**order
+    return float(c @ sign), float(c @ (sign * side * order * (order + 1))) / (2 * scale)
 
 
 def as_read(motion: Motion, x: np.ndarray) -> Motion:
@@ -240,6 +249,48 @@ def as_read(motion: Motion, x: np.ndarray) -> Motion:
     turns = 0.5 * (motion.lowest + motion.highest)
     least = max(_EXACT * float(np.ptp(x)), 1e-12)
     return replace(motion, strokes=strokes, lowest=turns - least, highest=turns + least)
+
+
+def read_finely(motion: Motion, time: np.ndarray, x: np.ndarray) -> Motion:
+    """Return the same strokes with the readings `x` (m) at `time` (s), shape (n,), taken as they are.
+
+    A turn falls between two samples. What all readings of a stroke are off alike, because steps and samples keep
+    time with each other, stays an unknown of each stroke.
+    """
+    reach = [abs(rate) * float(np.median(np.diff(time))) for rate in rates(motion)]
+    spreads = np.array([s.marks.spread for s in motion.strokes])
+    alike = [max(1 - 2 * (s.missed / s.marks.spread) ** 2, 0.0) + 2 / s.marks.d.size for s in motion.strokes]
+    turns = 0.5 * (motion.lowest + motion.highest)
+    inner = np.maximum(reach[:-1], reach[1:])
+    turns[1:-1] += 0.25 * inner * np.array([s.direction for s in motion.strokes[:-1]])
+    spread = np.hypot(np.r_[0.5 * reach[0], 0.25 * inner, 0.5 * reach[-1]], np.r_[spreads, spreads[-1]])
+    for i, before in enumerate(motion.strokes[:-1], start=1):
+        meets = _meeting(time, x, before.end, before.direction * turns[i], before.direction, inner[i - 1])
+        if meets is not None:
+            turns[i] = meets
+            spread[i] = math.hypot(0.6 * spreads[i - 1], 0.1 * inner[i - 1])
+    strokes = tuple(replace(s, coefficients=None, covariance=None) for s in motion.strokes)
+    return replace(
+        motion, strokes=strokes, lowest=turns - 4 * spread, highest=turns + 4 * spread,
+        shift_spread=spreads * np.sqrt(alike), turn_spread=spread,
+    )  # fmt: skip
+
+
+def _meeting(time: np.ndarray, x: np.ndarray, at: float, read: float, direction: float, reach: float) -> float | None:
+    """Return where straight lines through the readings before and after a turn meet; None where the press stood.
+
+    They must meet within half a sample's motion `reach` of what was `read` there (both m, along `direction`).
+    """
+    i = int(np.searchsorted(time, at))
+    parts = [slice(max(i - _NEAR_TURN - 1, 0), i - 1), slice(i + 2, i + 2 + _NEAR_TURN)]
+    if any(time[part].size < _NEAR_TURN for part in parts):
+        return None
+    (up, start), (down, end) = (np.polyfit(time[part] - time[i], direction * x[part], 1) for part in parts)
+    dt = float(time[i] - time[i - 1])
+    if min(up, -down) * dt < 0.3 * reach:
+        return None
+    place = start + up * (end - start) / (up - down)
+    return direction * float(place) if abs(place - read) < 0.75 * reach else None
 
 
 def rates(motion: Motion) -> Sequence[float]:

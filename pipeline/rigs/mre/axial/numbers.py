@@ -169,7 +169,7 @@ def _rho(fit: LoopFit, allowed: np.ndarray, sharp: bool) -> Estimate:
 def _by_gauge(fit: LoopFit) -> float:
     """Return which distance between loading and release (N) the gauge leaves open, each stroke's shift being unknown."""
     motion = fit.data.motion
-    if not motion.smooth:
+    if not motion.smooth and motion.shift_spread is None:
         return 0.5 * fit.model.k * motion.step
     return 4 * fit.model.k * math.sqrt(2) * max(s.marks.spread for s in motion.strokes)
 

@@ -11,9 +11,9 @@ from pipeline.estimation.uncertainty import effective_size, t_quantile
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.axial.contact import backlash, from_contact, moved
 from pipeline.rigs.mre.axial.loop import LoopModel, along_strokes
-from pipeline.rigs.mre.axial.loop_data import LoopFit
+from pipeline.rigs.mre.axial.loop_data import LoopData, LoopFit
 from pipeline.rigs.mre.axial.loop_fit import fit_loop
-from pipeline.rigs.mre.axial.motion import as_read, rates
+from pipeline.rigs.mre.axial.motion import Motion, as_read, rates, read_finely
 from pipeline.rigs.mre.axial.numbers import Numbers, d_max_of, numbers_of
 from pipeline.rigs.mre.axial.record import Samples, UnfitError, noise_of, samples_of
 from pipeline.rigs.mre.axial.standstill import fitted_data, thinned
@@ -25,6 +25,9 @@ _SMALL_FORCE = 3.0  # N
 _MISFIT, _MISFIT_REJECTED = 0.02, 0.08
 _FEW = 40
 _BETTER = 0.9
+# Readings are taken as they are where their noise in terms of force is below this share of the force's own, at a
+# constant rate and at any other.
+_FINE, _FINE_VARYING = 0.5, 3.0
 _ENERGY_SHARE = 5e-3
 
 
@@ -89,8 +92,9 @@ def fit_run(recording: Recording) -> RunFit:
     data = replace(data, start_spread=spread)
     doubts += relaxed
     try:
-        fit = fit_loop(data)
-        if motion.step == 0:
+        fine = _fine(data)
+        fit = fit_loop(fine or data)
+        if motion.step == 0 and fine is None and not _constant(motion):
             fit = _or_as_read(fit)
     except ValueError as error:
         raise UnfitError(str(error)) from error
@@ -100,6 +104,25 @@ def fit_run(recording: Recording) -> RunFit:
     found = RunFit(recording, samples, fit, numbers, [*doubts, *(r for r in numbers.remarks if r != release)], [], said)
     _judge(found)
     return found
+
+
+def _fine(data: LoopData) -> LoopData | None:
+    """Return the data with the readings as they are where their noise is small beside that of the force, else None.
+
+    A polynomial in time would be no better there, and at its ends, where hysteresis builds up, worse.
+    """
+    motion = data.motion
+    if motion.step or data.d_read is None:
+        return None
+    spread = max(s.marks.spread for s in motion.strokes)
+    share = float(np.ptp(data.force)) / float(np.ptp(data.d_read)) * spread / max(noise_of(data.force), 1e-12)
+    if share > (_FINE if _constant(motion) else _FINE_VARYING):
+        return None
+    return replace(data, motion=read_finely(motion, data.time, data.d_read))
+
+
+def _constant(motion: Motion) -> bool:
+    return all(stroke.degree == 1 for stroke in motion.strokes)
 
 
 def _or_as_read(fit: LoopFit) -> LoopFit:
