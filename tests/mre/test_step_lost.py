@@ -10,8 +10,9 @@ import pytest
 from hold_logs import changed, said, step
 
 from pipeline.recording import Recording
+from pipeline.rigs.mre.step.lags import lag
 from pipeline.rigs.mre.step.record import record_of
-from pipeline.rigs.mre.step.synthetic import synthesize
+from pipeline.rigs.mre.step.synthetic import StepTruth, synthesize, true_times
 from pipeline.rigs.mre.step.times import NAMES
 
 
@@ -104,3 +105,32 @@ def test_lags_that_are_alike_are_told_as_a_sum_and_no_drift_is_invented() -> Non
 def test_a_current_of_both_signs_is_said() -> None:
     found = step([log(times=[1, 6, 11], levels=[6, -6, 0], duration=18.0)])
     assert said(found, "both signs")
+
+
+def test_a_filter_of_the_force_that_is_told_is_in_none_of_the_times() -> None:
+    plain = log(rate=1000.0)
+    (stream,) = plain.streams.values()
+    tau = 0.05
+    noise = np.random.default_rng(2).standard_normal(stream.time.size)
+    late = changed(
+        log(rate=1000.0, force_noise=0.0), "force_axial", lambda _t, x: x[0] + lag(x - x[0], tau, 1e-3) + noise
+    )
+    untold = step([late])
+    assert said(untold, "filter in the force channel", "force_filter")
+    assert untold.one("time_constant_2", direction="fall").value != pytest.approx(0.04, abs=0.01)
+    told = step([replace(late, conditions={**late.conditions, "force_filter": 1 / (2 * np.pi * tau)})])
+    for direction, tau1 in (("rise", 0.1), ("fall", 0.45)):
+        for name, truth in (("delay", 0.02), ("time_constant_1", tau1), ("time_constant_2", 0.04)):
+            p = told.one(name, direction=direction)
+            assert p.std_error is not None
+            assert p.value == pytest.approx(truth, abs=3 * p.std_error)
+        assert told.one("t63", direction=direction).value == pytest.approx(
+            true_times(StepTruth(), rising=direction == "rise")[0], abs=4e-3
+        )
+    assert not said(told, "filter in the force channel")
+
+
+def test_where_no_filter_is_told_a_sound_log_says_so_and_stays_ok() -> None:
+    found = step([log(rate=1000.0)])
+    assert found.verdict == "ok"
+    assert said(found, "a filter in the force channel", "the log cannot tell")

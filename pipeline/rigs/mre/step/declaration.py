@@ -39,6 +39,12 @@ CONDITIONS = (
     ConditionSpec("gap_held", "", "true where the gap is held and not the axial load"),
     ConditionSpec("n_pads", "1", "pads in parallel", range=Range(1, 100, whole=True)),
     ConditionSpec("force_lag", "s", "how late the force is against the current, where it was calibrated", range=LAG),
+    ConditionSpec(
+        "force_filter",
+        "Hz",
+        "corner of a first-order low-pass in the force channel that the current channel has not",
+        range=Range(0, 1e6, above=True),
+    ),
     *SAMPLE,
 )
 PARAMETERS = (

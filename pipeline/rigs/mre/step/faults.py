@@ -224,7 +224,7 @@ def _filtered(fit: LagFit, doubts: Doubts) -> None:
     inside = current[(time - begin > hold.start) & (time - begin < hold.stop) & np.isfinite(current)]
     own = autocovariance(inside, 1) if inside.size > 50 else np.array([1.0, 0.0])
     alike = bool(own[0] > 0 and own[1] / own[0] > 1 - _WHITE)
-    if not alike:
+    if not alike and record.filter_lag == 0:
         doubts.doubt(
             record.run,
             f"the noise of the force is correlated over some {1e3 * late:.2g} ms, that of the current is not: a filter in the force channel alone would add its delay, about as long, to "

@@ -22,7 +22,7 @@ from pipeline.rigs.mre.step.lag_fit import Found, LagFit, fit_lags
 from pipeline.rigs.mre.step.lag_problem import name_of
 from pipeline.rigs.mre.step.record import Record, record_of
 from pipeline.rigs.mre.step.times import estimates_of, largest
-from pipeline.rigs.mre.step.withheld import without_breaks, without_coil
+from pipeline.rigs.mre.step.withheld import filter_remark, without_breaks, without_coil
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 _ELSEWHERE = {
@@ -68,6 +68,7 @@ def identify(recordings: Sequence[Recording], settings: StepSettings, context: C
             # Times do not depend on the unit of the force.
             told = [undetermined(e.name, reason, e.at) if e.name in ("creep", "force_step") else e for e in told]
         parameters += [_parameter(e, at) for e in told]
+    remarks = [remark for fits, told in found if (remark := filter_remark(fits.fit, told))]
     for campaign, other in context.uses.items():
         doubts.note(
             None,
@@ -77,9 +78,14 @@ def identify(recordings: Sequence[Recording], settings: StepSettings, context: C
         campaign=context.campaign,
         experiment="mre.step",
         verdict=doubts.said.verdict,
-        reasons=doubts.said.reasons
-        or [
-            "Both directions are determined, the force settled after each step, and the residual is no more than the noise."
+        reasons=[
+            *(
+                doubts.said.reasons
+                or [
+                    "Both directions are determined, the force settled after each step, and the residual is no more than the noise."
+                ]
+            ),
+            *remarks,
         ],
         parameters=parameters,
         models=[model for fits, _ in found for model in _models(fits, len(found) > 1)],

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.estimation.separable import SeparableFit, fit_separable
-from pipeline.rigs.mre.step.lags import response
+from pipeline.rigs.mre.step.lags import lag, response
 from pipeline.rigs.mre.step.record import DIRECTIONS, Record
 
 _MOST_DELAY = 1.0  # s
@@ -68,7 +68,8 @@ class Problem:
             for name in ("L", "ln_tau1", "ln_tau2")[: 1 + count]
         )
         self.time = rows.time
-        self.parts = parts_of(record)
+        # Lags commute: what filters the force may as well filter the current.
+        self.parts = [lag(part, record.filter_lag, record.dt) for part in parts_of(record)]
 
     def columns(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the columns 1, log10(1 + t), y_k (and t) and their slopes with q."""

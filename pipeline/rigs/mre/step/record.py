@@ -70,6 +70,12 @@ class Record:
     breaks: tuple[Break, ...]
 
     @property
+    def filter_lag(self) -> float:
+        """Time constant of the filter that the force channel is told to have, s; 0 where none is told."""
+        corner = self.recording.conditions.get("force_filter")
+        return 1 / (2 * math.pi * corner) if isinstance(corner, float) and corner > 0 else 0.0
+
+    @property
     def looks_set(self) -> bool:
         """Whether the current looks like the set-point: it changes at once where samples would show the rise of a coil."""
         fast = self.period < _QUICK and all(step.resolved == 0 for step in self.steps)

@@ -136,7 +136,7 @@ def _times(findings: Findings) -> Table:
     return Table(
         "times",
         "Times of rise and fall",
-        "L, tau1 and tau2 are the pad's answer to the measured current; t63 and t90 count from the onset of the current and contain the coil. An empty cell is not determined: the parameters tell why.",
+        "L, tau1 and tau2 are the pad's answer to the measured current; t63 and t90 count from the onset of the current and contain the coil. A filter in the force channel that is not told ('force_filter', 'force_lag') is part of L and tau2. An empty cell is not determined: the parameters tell why.",
         [*first, Column("direction"), *(Column(_HEADINGS[n], "s") for n in _NAMES)],
         rows,
     )

@@ -14,6 +14,7 @@ from pipeline.rigs.mre.step.breaks import Break, lost
 from pipeline.rigs.mre.step.lag_fit import LagFit
 
 _COIL = 3.0  # times delay and smaller time constant, which may be the coil's: what is longer is the pad's
+_SLOWEST_FILTER = 0.2  # s, time constant of a low-pass at 0.8 Hz
 _WORDS = {"rise": "rising", "fall": "falling"}
 
 
@@ -70,3 +71,25 @@ def _reach(fit: LagFit, direction: str, estimates: Sequence[Estimate]) -> tuple[
     told = {e.name: e.value for e in estimates if e.at["direction"] == direction}
     total = max(fit.values[f"{direction}.L"], 0.0) + sum(fit.taus(direction))
     return told.get("t63") or total, told.get("t90") or total * math.log(10)
+
+
+def filter_remark(fit: LagFit, estimates: Sequence[Estimate]) -> str:
+    """Return what a filter in the force channel may have to do with the times; empty where one is told or none could be as slow."""
+    conditions = fit.record.recording.conditions
+    if "force_filter" in conditions or "force_lag" in conditions:
+        return ""
+    short = {str(e.at["direction"]): e for e in estimates if e.name == "time_constant_2" and e.value is not None}
+    possible = {d: e for d, e in short.items() if (e.value or 0.0) < _SLOWEST_FILTER}
+    if not possible:
+        return ""
+    told = " and ".join(f"{1e3 * (e.value or 0.0):.3g} ms in the {d}" for d, e in possible.items())
+    alike = ""
+    if len(possible) == 2:
+        rise, fall = possible["rise"], possible["fall"]
+        error = math.hypot(rise.std_error or 0.0, fall.std_error or 0.0)
+        if abs((rise.value or 0.0) - (fall.value or 0.0)) < 2 * error:
+            alike = ", alike in both as a filter would make it"
+    return (
+        f"Run {fit.record.run}: the smaller time constant ({told}{alike}) may be the pad's or that of a filter in the force channel: "
+        "the log cannot tell. Tell 'force_filter' (Hz) or 'force_lag' (s) where there is one."
+    )
