@@ -94,7 +94,7 @@ def fit_run(recording: Recording) -> RunFit:
     try:
         fine = _fine(data)
         fit = fit_loop(fine or data)
-        if motion.step == 0 and fine is None and not _constant(motion):
+        if motion.step == 0 and fine is None and not (_constant(motion) and not _systematic(fit)):
             fit = _or_as_read(fit)
     except ValueError as error:
         raise UnfitError(str(error)) from error
