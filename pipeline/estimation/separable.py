@@ -20,6 +20,7 @@ Columns = Callable[[np.ndarray], tuple[np.ndarray, Slopes]]
 RowMap = Callable[[np.ndarray], np.ndarray]
 
 # Beyond this condition number the normal equations lose too many digits and an SVD takes over.
+_NO_COLUMN = 1e-140  # norm of a column that counts as zeros: its square must not overflow
 _CHOLESKY_CONDITION = 1e3
 
 
@@ -272,7 +273,7 @@ def covariance_of(jacobian: np.ndarray) -> tuple[np.ndarray, float]:
     A column of zeros, or singular values below 1e-13 of the largest, count as that small value.
     """
     norms = np.linalg.norm(jacobian, axis=0)
-    norms = np.where(norms > 0, norms, 1.0)
+    norms = np.where(norms > _NO_COLUMN, norms, 1.0)
     _, s, vt = np.linalg.svd(np.linalg.qr(jacobian / norms, mode="r"), full_matrices=False)
     s = np.maximum(s, 1e-13 * s[0])
     half = vt.T / s / norms[:, None]

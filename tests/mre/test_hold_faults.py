@@ -105,7 +105,7 @@ def test_one_knocked_hold_is_left_out_by_name() -> None:
 
 def test_drift_and_jumps_of_the_sensor_are_doubted() -> None:
     assert said(hold([force(lambda t, x: x + 5 * t / 330)]), "drifts by")
-    assert said(hold([force(lambda t, x: np.where(t > 200, x + 4, x))]), "than relaxation")
+    assert said(hold([force(lambda t, x: np.where(t > 200, x + 4, x))]), "beside relaxation")
     assert said(hold([log(relaxation=-0.02)]), "grows with time")
 
 

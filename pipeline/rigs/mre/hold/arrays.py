@@ -13,6 +13,7 @@ from pipeline.rigs.mre.current_levels import level_name
 from pipeline.rigs.mre.hold.analysis import Analysed
 from pipeline.rigs.mre.hold.blank import Blank, pole_pull
 from pipeline.rigs.mre.hold.field_fit import FieldFit
+from pipeline.rigs.mre.hold.law import FIRST_TIME
 from pipeline.rigs.mre.hold.record import Record
 
 _CURVE = 200
@@ -50,10 +51,10 @@ def _holds(found: Analysed) -> pd.DataFrame:
             "force": rows.force,
             "low": rows.force - half,
             "high": rows.force + half,
-            "model": fit.predicted(rows.current, rows.log),
+            "model": fit.predicted(rows.current, rows.log) + fit.drifted,
             "residual": found.rest,
             # What is left when relaxation is taken out with the fitted r.
-            "increment": rows.force / F0 - 1,
+            "increment": (rows.force - fit.drifted) / F0 - 1,
             "increment_half": half / np.abs(F0),
         }
     )
@@ -83,8 +84,10 @@ def _series(found: Analysed) -> pd.DataFrame:
     model = np.full(t.size, np.nan)
     for number, hold in enumerate(found.record.holds):
         inside = (t >= hold.start + found.record.settle[number]) & (t < hold.stop)
-        log = np.log10(np.maximum(t[inside], 1e-3) / 10)
-        model[inside] = found.fit.predicted(np.full(log.size, abs(hold.level)), log)
+        log = np.log10(np.maximum(t[inside] + found.record.age, 1e-3) / FIRST_TIME)
+        clock = (t[inside] + found.record.age - FIRST_TIME) / max(float(np.ptp(found.record.time)), 1e-9)
+        drift = found.fit.values.get("drift", 0.0) * clock
+        model[inside] = found.fit.predicted(np.full(log.size, abs(hold.level)), log) + drift
     if found.blank is not None:
         for number, hold in enumerate(found.record.holds):
             inside = (t >= hold.start) & (t < hold.stop)

@@ -56,6 +56,12 @@ CONDITIONS = (
     ConditionSpec("test", "", "hold_sweep, field_map (field without force) or blank (spacer in place of the pad)"),
     PRELOAD,
     ConditionSpec("gap_held", "", "true where the gap is held and not the axial load"),
+    ConditionSpec(
+        "gap_closed_for",
+        "s",
+        "how long the gap had been closed when the log began; relaxation counts from then",
+        range=Range(0, 1e9),
+    ),
     ConditionSpec("n_pads", "1", "pads in parallel", range=Range(1, 100, whole=True)),
     ConditionSpec(
         "force_gain_error",
@@ -68,7 +74,12 @@ CONDITIONS = (
 )
 PARAMETERS = (
     ParameterSpec(
-        "force_initial", "F_0", "N", "axial force at 0 A and 10 s after the start of the log", "3.3", key=True
+        "force_initial",
+        "F_0",
+        "N",
+        "axial force at 0 A and 10 s after the gap was closed (the start of the log unless the conditions tell)",
+        "3.3",
+        key=True,
     ),
     ParameterSpec("force_gain", "a", "1", "limit of the relative increment of the force", "3.3", key=True),
     ParameterSpec(

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.errors import counted, listing
 from pipeline.rigs.mre.doubts import Doubts
-from pipeline.rigs.mre.hold.analysis import Analysed, extra, two_relaxations, without_relaxation
+from pipeline.rigs.mre.hold.analysis import Analysed, extra, relaxations_clash, without_relaxation
 from pipeline.rigs.mre.hold.blank import pole_pull
 
 # Axial stress on a pad beyond which a unit is suspected, Pa.
@@ -62,6 +62,11 @@ def judge_force(found: Analysed, doubts: Doubts) -> bool:
     return True
 
 
+def plain(x: float) -> str:
+    """Return a number with two digits and no exponent as long as it has less than six places."""
+    return f"{float(f'{x:.2g}'):g}"
+
+
 def _wrong_unit(found: Analysed, doubts: Doubts) -> bool:
     """Tell whether the force's unit is wrong, and say so."""
     F0, conditions = found.fit.F0, found.record.recording.conditions
@@ -79,7 +84,7 @@ def _wrong_unit(found: Analysed, doubts: Doubts) -> bool:
     if not STRESS[0] < stress < STRESS[1]:
         doubts.reject(
             found.run,
-            f"the force at 0 A is {F0:.4g} N, {stress:.2g} Pa on a pad: kN taken as N, or N as kN, is a factor 1000; a pad that is not "
+            f"the force at 0 A is {F0:.4g} N, {plain(stress)} Pa on a pad: kN taken as N, or N as kN, is a factor 1000; a pad that is not "
             "squeezed has no increment. Check the unit of force_axial and its zero.",
             channel="force_axial",
         )
@@ -95,6 +100,8 @@ def _wrong_unit(found: Analysed, doubts: Doubts) -> bool:
 
 def _limit(found: Analysed, doubts: Doubts) -> None:
     state = found.saturation.state
+    if found.misfit.costs_law:
+        return
     top = float(found.saturation.fit.rows.current.max())
     if state != "seen":
         word = "has begun but was not passed" if state == "begun" else "was not reached"
@@ -128,12 +135,9 @@ def _relaxation(found: Analysed, doubts: Doubts) -> None:
             found.run,
             f"the force loses {100 * fit.r:.2g} % a decade of time, more than rubber does: sensor drift, slip, or a press that gives way.",
         )
-    both = two_relaxations(found)
-    if both is None or not found.record.both_ways:
-        return
-    within, within_sd, means, means_sd = both
-    off = abs(within - means)
-    if off > _SURE * math.hypot(within_sd, means_sd) and off > 5e-3:
+    clash = relaxations_clash(found)
+    if clash is not None and not found.misfit.drift:
+        within, means = clash
         doubts.doubt(
             found.run,
             f"creep within the holds means {100 * within:.2g} % a decade, the difference between the sweeps up and down {100 * means:.2g} %: there is "
@@ -145,13 +149,7 @@ def _rest(found: Analysed, doubts: Doubts) -> None:
     """Look into what the law leaves: drift, difference of the directions, scatter, lone holds."""
     fit, record = found.fit, found.record
     F0 = abs(fit.F0)
-    drift = extra(found, record.time[found.used])
-    if abs(drift.z) > _SURE and abs(drift.size) > _SMALL * F0:
-        doubts.doubt(
-            found.run,
-            f"the force drifts by {drift.size:.2g} N over the log beside relaxation: zero of the sensor, or temperature. Relaxation and increments are off by as much.",
-            "Note the force before and after with the pad unloaded.",
-        )
+    _course(found, doubts)
     if record.both_ways:
         z = found.fit.rows.current / float(found.fit.rows.current.max())
         split = extra(found, record.direction[found.used] * z * (1 - z))
@@ -160,13 +158,7 @@ def _rest(found: Analysed, doubts: Doubts) -> None:
                 found.run,
                 f"force differs between the sweeps by up to {abs(split.size):.2g} N beside relaxation: hysteresis of the field or the pad.",
             )
-    white = math.sqrt(float(np.median(fit.rows.white)))
-    if fit.scatter > max(3 * white, _MISFIT * float(np.ptp(fit.rows.force))):
-        doubts.doubt(
-            found.run,
-            f"the holds scatter by {fit.scatter:.2g} N about the law, {fit.scatter / white:.2g} times what their samples explain: the law is not quite "
-            "that of the pad, or the force jumps. The intervals allow for it.",
-        )
+    _misfit(found, doubts)
     lone = found.saturation.fit.left_out
     if lone:
         numbers = np.flatnonzero(found.kept)[list(lone)]
@@ -176,6 +168,73 @@ def _rest(found: Analysed, doubts: Doubts) -> None:
             f"{counted(len(lone), 'hold')} far off the law {'was' if len(lone) == 1 else 'were'} left out: at {where}.",
             "Look there for a knock, a slip, or a lost cable.",
         )
+
+
+def _course(found: Analysed, doubts: Doubts) -> None:
+    """Say how the force goes with time beside relaxation from the start of the log."""
+    misfit, course = found.misfit, found.misfit.course
+    advice = (
+        "Tell with the condition 'gap_closed_for' how long the gap had been closed when the log began; note the force before and after with the pad unloaded, "
+        "to see a drift of the sensor."
+    )
+    if course.older is not None:
+        also = " A drift of the sensor would explain it as well." if course.also else ""
+        doubts.doubt(
+            found.run,
+            f"the force relaxes as if the gap had been closed some {course.older:.0f} s before the log began.{also} Increments are taken out with that; relaxation and the "
+            "force at 10 s are not told.",
+            advice,
+        )
+    elif misfit.drift:
+        told = "gap_closed_for" in found.record.recording.conditions
+        also = " A gap that was closed long before the log began would explain it about as well." if course.also else ""
+        doubts.doubt(
+            found.run,
+            f"the force drifts by {misfit.drift:.2g} N over the log beside relaxation: zero of the sensor, or temperature.{also} It is fitted beside the law"
+            f"{'.' if told else '; the relaxation is not told.'}",
+            advice,
+        )
+    elif course.unseen is not None:
+        doubts.note(
+            found.run,
+            f"a drift of the sensor of up to {course.unseen[0]:.2g} N over the log would not be seen; the relaxation would be off by up to {100 * course.unseen[1]:.2g} % a decade.",
+        )
+
+
+def _misfit(found: Analysed, doubts: Doubts) -> None:
+    """Say how the law misses the holds, or the holds one another, and what that costs."""
+    fit, misfit = found.fit, found.misfit
+    measured = misfit.levels is not None and bool(found.own_levels)
+    stead = "Increments are those of the holds, no law between them." if measured else "Increments are not told."
+    if misfit.pull:
+        way = "press" if misfit.pull > 0 else "pull against"
+        doubts.doubt(
+            found.run,
+            f"the law misses the holds by {misfit.missed:.2g} N (rms); with {abs(misfit.pull):.3g} N beside it that go with B^2 it fits: the poles {way} the load cell. "
+            "Limit, saturation current and increments of the pad are not told.",
+            "Run a blank test (a rigid non-magnetic spacer in place of the pad) to tell the pull of the poles.",
+        )
+    elif misfit.missed:
+        doubts.doubt(
+            found.run,
+            f"the holds scatter about the law by {misfit.missed:.2g} N (rms), more than they differ among themselves: the law is not that of this force, so limit, saturation "
+            f"current and sharpness are not told. {stead}",
+            "Look for the pull of the poles (blank test), a range of the load cell that ends, or a pad that slips.",
+        )
+    elif misfit.apart:
+        doubts.doubt(
+            found.run,
+            f"force differs between the sweeps by {misfit.apart:.2g} N (rms), level after level, beside relaxation: hysteresis of the field or the pad, heating, or a sensor that "
+            f"moves. Limit, saturation current, sharpness and relaxation are not told. {stead}",
+        )
+    else:
+        white = math.sqrt(float(np.median(fit.rows.white)))
+        if fit.scatter > max(3 * white, _MISFIT * float(np.ptp(fit.rows.force))):
+            doubts.doubt(
+                found.run,
+                f"the holds scatter by {fit.scatter:.2g} N about the law, {plain(fit.scatter / white)} times what their samples explain: the force jumps from hold to hold. The "
+                "intervals allow for it as chance.",
+            )
 
 
 def _one_way(found: Analysed, doubts: Doubts) -> None:

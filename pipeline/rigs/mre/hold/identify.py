@@ -23,7 +23,7 @@ from pipeline.rigs.mre.hold.force_faults import judge_force
 from pipeline.rigs.mre.hold.published import published
 from pipeline.rigs.mre.hold.record import Record, UnusableError, record_of
 from pipeline.rigs.mre.hold.record_faults import judge_record
-from pipeline.rigs.mre.hold.saturation import estimates_of, increments_of
+from pipeline.rigs.mre.hold.told import told_of
 from pipeline.rigs.mre.shear.unusable import nothing_usable
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
@@ -157,8 +157,7 @@ def _parameters(
         error = conditions.get("force_gain_error")
         gain = float(error) if isinstance(error, float) else 0.0
         offset = found.blank.zero_error if found.blank is not None else 0.0
-        estimates = estimates_of(found.saturation, gain, offset)
-        estimates += increments_of(found.saturation, found.labels())
+        estimates = told_of(found, gain, offset)
         if found.run not in forces:
             reason = "the force of this run is not to be used, see the reasons"
             estimates = [undetermined(e.name, reason, e.at) for e in estimates]

@@ -27,7 +27,7 @@ class Rows:
     """What is fitted, one entry a hold, shape (H,): current (magnitude), mean force, mean of log10(t/t0), creep numbers.
 
     `white` is the variance of the mean that the scatter within the holds and the noise of the current explain; rows of `creep_*` that are
-    NaN do not enter.
+    NaN do not enter. `clock` is (t - t0)/T with T the length of the log: with `drifting`, a force that goes with it is fitted too.
     """
 
     current: np.ndarray
@@ -37,6 +37,9 @@ class Rows:
     creep_log: np.ndarray
     creep_current: np.ndarray
     white: np.ndarray
+    clock: np.ndarray
+    creep_clock: np.ndarray
+    drifting: bool = False
 
     @property
     def has_creep(self) -> np.ndarray:
@@ -45,7 +48,8 @@ class Rows:
 
     def where(self, kept: np.ndarray) -> Rows:
         """Return some of the holds."""
-        return Rows(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
+        arrays = [name for name in self.__dataclass_fields__ if name != "drifting"]
+        return replace(self, **{name: getattr(self, name)[kept] for name in arrays})
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +113,11 @@ class LawFit:
         """Return the force, N, at |I| (A) and log10(t/t0)."""
         return np.asarray((self.F0 + self.values["h"] * self.effective(current)) * (1 - self.r * log_time))
 
+    @property
+    def drifted(self) -> np.ndarray:
+        """Part of each hold's force that goes linearly with time, N, shape (H,); 0 where none was fitted."""
+        return np.asarray(self.values.get("drift", 0.0) * self.rows.clock)
+
     def increment(self, current: float) -> tuple[float, float]:
         """Return F(I)/F(0) - 1 at one time, and its standard error."""
         x, by_log, by_u = (float(v[0]) for v in self.shape(np.array([current]), self.I_s, self.values["u"]))
@@ -141,13 +150,17 @@ class Problem:
         dA = np.stack(
             [np.stack([zero, d_log], axis=1), np.stack([zero, d_u], axis=1), np.stack([base_q, field_q], axis=1)]
         )
-        if gain is None:
-            return A, dA
-        k = gain / I_s
-        joined = A @ np.array([1.0, k])
-        slopes = dA @ np.array([1.0, k])
-        slopes[0] -= k * field
-        return joined[:, None], slopes[:, :, None]
+        if gain is not None:
+            k = gain / I_s
+            joined = A @ np.array([1.0, k])
+            slopes = dA @ np.array([1.0, k])
+            slopes[0] -= k * field
+            A, dA = joined[:, None], slopes[:, :, None]
+        if self.rows.drifting:
+            clock = np.r_[self.rows.clock, self.rows.creep_clock[self.with_creep]]
+            A = np.column_stack([A, clock])
+            dA = np.concatenate([dA, np.zeros((*dA.shape[:2], 1))], axis=2)
+        return A, dA
 
     def _local(self, I_s: float, u: float) -> np.ndarray:
         """Return dx/dI by central differences of a thousandth of the largest current."""
@@ -202,6 +215,8 @@ class Problem:
         values = dict(start) | dict(zip(free, fit.q.tolist(), strict=True))
         values["F0"] = float(fit.c[0])
         values["h"] = float(fit.c[1]) if gain is None else gain * values["F0"] / math.exp(values["ln_I_s"])
+        if self.rows.drifting:
+            values["drift"] = float(fit.c[-1])
         return fit, values
 
 
@@ -279,7 +294,7 @@ def _result(
     problem: Problem, fit: SeparableFit, values: dict[str, float], free: Sequence[str], scatter: float
 ) -> LawFit:
     bound = {name for name, there in zip(free, fit.at_bound, strict=True) if there}
-    names = (*free, "F0", "h")
+    names = (*free, "F0", "h", *(("drift",) if problem.rows.drifting else ()))
     inside = [i for i, name in enumerate(names) if name not in bound]
     jacobian = fit.jacobian[:, inside]
     covariance, _ = covariance_of(jacobian)

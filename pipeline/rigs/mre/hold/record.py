@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -34,7 +34,11 @@ class UnusableError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """The holds of one run, shape (H,): level (A), +1 up or -1 down, time (s) and mean of log10(t/t0)."""
+    """The holds of one run, shape (H,): level (A), +1 up or -1 down, time since the log began (s) and mean of log10(t/t0).
+
+    `age` is how long the gap had been closed when the log began, s: relaxation counts from then. `windows` are the stretches that count, `lost`
+    tells the holds whose force does not.
+    """
 
     run: str
     recording: Recording
@@ -51,6 +55,9 @@ class Record:
     creep: Creep | None
     samples: dict[str, tuple[np.ndarray, np.ndarray]]
     late: np.ndarray
+    age: float
+    windows: tuple[tuple[float, float], ...]
+    lost: np.ndarray
     findings: tuple[QualityFinding, ...] = ()
 
     def __len__(self) -> int:
@@ -65,6 +72,19 @@ class Record:
     def of(self, channel: str) -> Means | None:
         """Return the means of a channel, None where the log has none of it."""
         return self.channels.get(channel)
+
+    def aged(self, age: float) -> Record:
+        """Return the same log with the gap closed `age` seconds before it began; counts as told by the conditions."""
+        signal = self.samples["force_axial"]
+        logs = [log_times(signal, window, age) for window in self.windows]
+        conditions = {**self.recording.conditions, "gap_closed_for": age}
+        return replace(
+            self,
+            recording=replace(self.recording, conditions=conditions),
+            age=age,
+            log_time=np.array([float(log.mean()) if log.size else np.nan for log in logs]),
+            creep=creep_of(signal, self.windows, self.holds, self.lost, age),
+        )
 
 
 def record_of(recording: Recording, settle: float) -> Record:
@@ -109,7 +129,9 @@ def record_of(recording: Recording, settle: float) -> Record:
             findings[-1].message.rstrip(".") if findings else "it holds neither force_axial nor flux_density"
         )
     main = "force_axial" if "force_axial" in channels else "flux_density"
-    logs = [log_times(samples[main], window) for window in windows]
+    age = recording.conditions.get("gap_closed_for")
+    age = float(age) if isinstance(age, float | int) else 0.0
+    logs = [log_times(samples[main], window, age) for window in windows]
     return Record(
         recording.run,
         recording,
@@ -123,9 +145,12 @@ def record_of(recording: Recording, settle: float) -> Record:
         np.array([float(log.mean()) if log.size else np.nan for log in logs]),
         waits,
         channels,
-        creep_of(samples["force_axial"], windows, holds, lost) if "force_axial" in channels else None,
+        creep_of(samples["force_axial"], windows, holds, lost, age) if "force_axial" in channels else None,
         samples,
         still_settling(samples["force_axial"], windows) if "force_axial" in channels else np.full(len(holds), np.nan),
+        age,
+        tuple(windows),
+        lost,
         tuple(findings),
     )
 

@@ -36,12 +36,13 @@ class Means:
 class Creep:
     """Creep within the holds: force against log10(t/t0) as one number of unit weight a hold, shape (H,) each.
 
-    `force`, `log` and `current` are sums of w F, w log10(t/t0) and w I with w the centred log of unit norm.
+    `force`, `log`, `current` and `time` are sums of w F, w log10(t/t0), w I and w t with w the centred log of unit norm.
     """
 
     force: np.ndarray
     log: np.ndarray
     current: np.ndarray
+    time: np.ndarray
 
 
 def window_of(time: np.ndarray, values: np.ndarray, window: Window) -> tuple[np.ndarray, np.ndarray]:
@@ -78,10 +79,10 @@ def means_of(time: np.ndarray, values: np.ndarray, windows: Sequence[Window]) ->
     return Means(mean, spread, count)
 
 
-def log_times(signal: Signal, window: Window) -> np.ndarray:
-    """Return log10(t/t0) of the samples of a window."""
+def log_times(signal: Signal, window: Window, age: float = 0.0) -> np.ndarray:
+    """Return log10(t/t0) of the samples of a window, the gap closed `age` seconds before the log."""
     t, _ = window_of(*signal, window)
-    return np.asarray(np.log10(np.maximum(t, 1e-3) / FIRST_TIME))
+    return np.asarray(np.log10(np.maximum(t + age, 1e-3) / FIRST_TIME))
 
 
 def creep_of(
@@ -89,22 +90,22 @@ def creep_of(
     windows: Sequence[Window],
     holds: Sequence[Hold],
     lost: np.ndarray,
+    age: float = 0.0,
 ) -> Creep:
-    """Return the creep numbers of each hold; NaN for holds that are `lost` or too short."""
+    """Return the creep numbers of each hold; NaN for holds that are `lost` or too short. `age` as in `log_times`."""
     rows = []
     for window, hold, gone in zip(windows, holds, lost, strict=True):
         t, F = window_of(*signal, window)
-        log = np.log10(np.maximum(t, 1e-3) / FIRST_TIME)
+        log = np.log10(np.maximum(t + age, 1e-3) / FIRST_TIME)
         centred = log - log.mean() if log.size else log
         norm = float(np.linalg.norm(centred))
         if gone or t.size < 2 * FEWEST or norm == 0:
-            rows.append((np.nan, np.nan, np.nan))
+            rows.append((np.nan, np.nan, np.nan, np.nan))
             continue
         w = centred / norm
         current = hold.drift * (t - 0.5 * (hold.start + hold.stop)) / hold.duration
-        rows.append((float(w @ F), norm, float(w @ current)))
-    force, log_sum, current_sum = np.array(rows, dtype=float).T
-    return Creep(force, log_sum, current_sum)
+        rows.append((float(w @ F), norm, float(w @ current), float(w @ t)))
+    return Creep(*np.array(rows, dtype=float).T)
 
 
 def still_settling(signal: Signal, windows: Sequence[Window]) -> np.ndarray:

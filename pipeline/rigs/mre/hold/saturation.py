@@ -19,6 +19,7 @@ from pipeline.estimation.uncertainty import t_quantile
 from pipeline.rigs.mre.hold import law
 from pipeline.rigs.mre.hold.law import LEAST_U, MOST_U
 from pipeline.rigs.mre.hold.law_fit import LawFit, Problem, Rows, fit_law, refit
+from pipeline.rigs.mre.hold.level_fit import LevelFit
 
 # Slope at the largest current over that at 0 A below which the curve counts as flat (upper 95 % limit).
 FLAT = 0.25
@@ -140,7 +141,14 @@ def _profiles(fit: LawFit) -> tuple[ProfileInterval, ProfileInterval, ProfileInt
     return I_s, a, u
 
 
-def estimates_of(found: Saturation, gain_error: float = 0.0, offset_error: float = 0.0) -> list[Estimate]:
+def estimates_of(
+    found: Saturation,
+    gain_error: float = 0.0,
+    offset_error: float = 0.0,
+    levels: LevelFit | None = None,
+    law_open: str = "",
+    relaxation_open: str = "",
+) -> list[Estimate]:
     """Return F0, a, I_s, p and r with their intervals, or why they are open.
 
     Parameters
@@ -151,17 +159,29 @@ def estimates_of(found: Saturation, gain_error: float = 0.0, offset_error: float
         Relative standard uncertainty of the force's calibration; scales F0, nothing else.
     offset_error
         Standard error of what was taken off every force alike, N.
+    levels
+        Fit of the levels without a law, from which F0 and r come where `law_open` tells why the law is not to be believed.
+    relaxation_open
+        Why the relaxation is not told; empty where it is.
     """
     fit = found.for_increments
-    dof, t = fit.dof, t_quantile(fit.dof)
-    sd = math.hypot(fit.sd({"F0": 1.0}), gain_error * fit.F0, offset_error)
-    told = [Estimate("force_initial", fit.F0, sd, (fit.F0 - t * sd, fit.F0 + t * sd), dof=dof)]
-    told += _limit(found)
-    sd = fit.sd({"r": 1.0})
-    if "r" in fit.at_bound:
+    F0, F0_sd, r, r_sd, dof = fit.F0, fit.sd({"F0": 1.0}), fit.r, fit.sd({"r": 1.0}), fit.dof
+    if law_open and levels is not None:
+        F0, F0_sd = float(levels.force[0]), math.sqrt(float(levels.covariance[0, 0]))
+        r, r_sd, dof = levels.r, levels.r_sd, max(levels.spare, 1.0)
+    t = t_quantile(dof)
+    sd = math.hypot(F0_sd, gain_error * F0, offset_error)
+    told = [Estimate("force_initial", F0, sd, (F0 - t * sd, F0 + t * sd), dof=dof)]
+    if law_open:
+        told += [undetermined(name, law_open) for name in ("force_gain", "saturation_current", "sharpness")]
+    else:
+        told += _limit(found)
+    if relaxation_open:
+        told.append(undetermined("relaxation", relaxation_open))
+    elif "r" in fit.at_bound:
         told.append(undetermined("relaxation", "the fit ends at the largest relaxation that was admitted"))
     else:
-        told.append(Estimate("relaxation", fit.r, sd, (fit.r - t * sd, fit.r + t * sd), dof=dof))
+        told.append(Estimate("relaxation", r, r_sd, (r - t * r_sd, r + t * r_sd), dof=dof))
     return told
 
 
@@ -221,4 +241,17 @@ def increments_of(found: Saturation, labels: Mapping[float, float]) -> list[Esti
         half = t_quantile(fit.dof) * sd
         at = {"coil_current": name}
         told.append(Estimate("force_increment", value, sd, (value - half, value + half), at, dof=fit.dof))
+    return told
+
+
+def measured_increments(levels: LevelFit, named: Mapping[float, int]) -> list[Estimate]:
+    """Return the increments of the holds themselves, without a law: `named` maps the name of a level to its number."""
+    told = []
+    dof = max(levels.spare, 1.0)
+    for name in sorted(named):
+        value, sd = levels.increment(named[name])
+        half = t_quantile(dof) * sd
+        at = {"coil_current": name}
+        reason = "from the holds themselves, since the law does not fit"
+        told.append(Estimate("force_increment", value, sd, (value - half, value + half), at, reason, dof))
     return told
