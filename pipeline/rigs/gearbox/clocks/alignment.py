@@ -244,7 +244,12 @@ def _clock(parts: Sequence[Part], far: float = 0.0) -> ClockFit | None:
     off = abs(mean) > max(_SURE * error, _LEAST)
     agree = dof > 0 and excess < _AGREE and _without_best(shift - drift * (time - middle) * drifts, weight) > _ALSO
     applied = bool(far) or (off and agree) or drifts
-    disagree = not applied and _excess(weight, shift, len(parts)) > (_DOUBT if len(parts) > 1 else _SURE) ** 2
+    if len(parts) > 2:
+        clear = abs(mean) > _SURE * error or abs(drift) > _DOUBT * drift_sd
+        doubtful = clear and _excess(weight, shift, len(parts)) > _DOUBT**2
+    else:
+        doubtful = bool(np.all(np.abs(shift) > 1.5 * _SURE * sd))
+    disagree = doubtful and not applied
     # The drift counts from the board's own zero, which `far` moved.
     start = far + mean - drift * (middle - far) if drifts else far + mean
     return ClockFit(start, error, drift, drift_sd, bool(applied), bool(drifts), bool(disagree))
