@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.rigs.gearbox.stages.stage import EventTime
 
 # Candidates of the first search and of the three finer ones.
-_STEPS, _FINER = 40, 15
+_STEPS, _FINER = 40, 21
 Shape = Callable[[np.ndarray], np.ndarray]
 
 
