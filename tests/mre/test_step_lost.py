@@ -134,3 +134,20 @@ def test_where_no_filter_is_told_a_sound_log_says_so_and_stays_ok() -> None:
     found = step([log(rate=1000.0)])
     assert found.verdict == "ok"
     assert said(found, "a filter in the force channel", "the log cannot tell")
+
+
+def test_logs_of_the_same_step_that_differ_are_named() -> None:
+    one, other = log(), replace(log(tau1_rise=0.2), run="again")
+    found = step([one, other])
+    assert found.verdict == "warning"
+    assert said(found, "step and again", "of the rise")
+    assert not said(found, "of the fall")
+    assert step([one, replace(synthesize({"rate": 500.0}, 6)[0], run="again")]).verdict == "ok"
+
+
+def test_ripple_of_the_current_invents_no_level() -> None:
+    found = step([changed(log(), "current", lambda t, x: x + 0.2 * np.sin(2 * np.pi * 50 * t))])
+    assert found.arrays["steps"]["before"].round(1).abs().tolist() == [0.0, 6.0]
+    for direction in ("rise", "fall"):
+        t63 = true_times(StepTruth(), rising=direction == "rise")[0]
+        assert found.one("t63", direction=direction).value == pytest.approx(t63, abs=3e-3)

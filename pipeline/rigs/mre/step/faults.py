@@ -155,7 +155,7 @@ def _wrong_unit(fit: LagFit, doubts: Doubts) -> bool:
         )
         doubts.reject(
             fit.record.run,
-            f"the force is about {level:.3g} N{beside}, {level / area:.2g} Pa on the pad: kN taken as N, or N as kN, is a factor 1000. Check the unit of force_axial and its zero.",
+            f"the force is about {level:.3g} N{beside}, {level / area:.4g} Pa on the pad: kN taken as N, or N as kN, is a factor 1000. Check the unit of force_axial and its zero.",
             channel="force_axial",
         )
     return odd
@@ -204,7 +204,8 @@ def _filtered(fit: LagFit, doubts: Doubts) -> None:
     if fit.drift:
         doubts.doubt(
             record.run,
-            f"the force drifts by {fit.drift:.2g} N over the log beside creep: zero of the sensor, or temperature. A straight drift was fitted along.",
+            f"the force drifts by {fit.drift:.2g} N over the log beside creep: zero of the sensor, temperature, or a slow third process. A straight drift was fitted along; "
+            "where it is a process, part of it is in the larger time constant, t63 and t90.",
             "Note the force before and after with the pad unloaded.",
             "force_axial",
         )

@@ -21,6 +21,7 @@ from pipeline.rigs.mre.step.faults import judge_fit, judge_record
 from pipeline.rigs.mre.step.lag_fit import Found, LagFit, fit_lags
 from pipeline.rigs.mre.step.lag_problem import name_of
 from pipeline.rigs.mre.step.record import Record, record_of
+from pipeline.rigs.mre.step.repeats import judge_repeats
 from pipeline.rigs.mre.step.times import estimates_of, largest
 from pipeline.rigs.mre.step.withheld import filter_remark, without_breaks, without_coil
 
@@ -68,6 +69,7 @@ def identify(recordings: Sequence[Recording], settings: StepSettings, context: C
             # Times do not depend on the unit of the force.
             told = [undetermined(e.name, reason, e.at) if e.name in ("creep", "force_step") else e for e in told]
         parameters += [_parameter(e, at) for e in told]
+    judge_repeats([(fits.fit, told) for fits, told in found], doubts)
     remarks = [remark for fits, told in found if (remark := filter_remark(fits.fit, told))]
     for campaign, other in context.uses.items():
         doubts.note(

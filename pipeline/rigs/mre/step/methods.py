@@ -20,7 +20,7 @@ def methods(findings: Findings) -> Sequence[str]:
         "'force_lag' is taken off delay, t63 and t90; a filter that is not told acts as one more lag and is part of them. The force is linear in F0, c and the gains, so variable projection was used (Golub and Pereyra 1973, Kaufman 1975) with analytic derivatives from several starts.",
         "One lag or two was chosen for each direction by BIC (Schwarz 1978) with the effective number of samples; a second lag must win by 6. Residuals that are correlated in time widen the standard errors by the "
         "effective number of samples. Intervals hold 95 %, symmetric in the logarithm for time constants; where a second lag is not told, those of the delay and of the first lag are profiles with a second one admitted. "
-        "t63 and t90 are those of the model for the measured current, and so contain the coil. Two time constants that differ by less than eight standard errors (the data know the square of their difference), or that a change of the current within one sample "
+        "t63 and t90 are those of the model for the measured current, and so contain the coil. Two time constants that differ by less than six standard errors (the data know the square of their difference), or that a change of the current within one sample "
         "hides, are told as a sum only. A step whose onset, or most of whose answer, lies in a hole or a freeze of force or current tells nothing; "
         "where the current looks like the set-point, what the coil's time may be part of is withheld.",
     ]

@@ -6,8 +6,8 @@ What makes a whole log unusable raises `UnusableError` with the reason. Fitting 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from pipeline.rigs.mre.hold.repeats import clipped_or_stuck, lone_spikes
 from pipeline.rigs.mre.step.breaks import Break, breaks_of
 from pipeline.rigs.mre.step.lags import passes
 
-_LEAST_STEP = 0.15  # of the range of the current
+_LEAST_STEP, _SAME = 0.15, 0.03  # of the range of the current: a step; levels that are one
 _FINEST = 2e-3  # s
 # Rows of the force that enter, means of neighbours beyond; points of the grid of the current.
 _MOST_ROWS, _MOST_POINTS = 20_000, 60_000
@@ -189,7 +189,7 @@ def _force(
 
 
 def _steps(time: np.ndarray, current: np.ndarray, stairs: Staircase) -> tuple[Step, ...]:
-    holds = stairs.holds
+    holds = _plateaus(stairs.holds)
     found = []
     for number in range(1, len(holds)):
         before, after = holds[number - 1], holds[number]
@@ -203,6 +203,19 @@ def _steps(time: np.ndarray, current: np.ndarray, stairs: Staircase) -> tuple[St
             Step("rise" if size > 0 else "fall", before.level, after.level, start, onset, end, spread, resolved)
         )
     return tuple(found)
+
+
+def _plateaus(holds: Sequence[Hold]) -> list[Hold]:
+    """Join neighbours that differ by a trifle of the range, as ripple and the last approach to a level make them."""
+    near = _SAME * float(np.ptp([h.level for h in holds])) if holds else 0.0
+    joined: list[Hold] = []
+    for hold in holds:
+        if joined and abs(hold.level - joined[-1].level) < near:
+            longer = max(joined[-1], hold, key=lambda h: h.duration)
+            joined[-1] = replace(longer, start=joined[-1].start, stop=hold.stop)
+        else:
+            joined.append(hold)
+    return joined
 
 
 def _onset(

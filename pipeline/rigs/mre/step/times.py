@@ -22,7 +22,7 @@ _WIDEST = 0.4
 _HOPELESS = 20.0  # of a logarithm, or of a delay in s: nothing is known then
 # Standard errors by which two time constants must differ to be two numbers. The data know the square of their difference, which noise
 # alone lifts off 0: its standard error is half as many times smaller than that of the difference itself.
-_APART = 8.0
+_APART = 6.0
 # Steps of the force's converter over its noise that bias levels; what they do to a time constant, relative.
 _COARSE, _BLUR = 1.5, 2.5
 # A change of the current within one sample hides all that is shorter than so many samples.
