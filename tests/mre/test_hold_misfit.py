@@ -43,7 +43,8 @@ def test_a_quadratic_force_has_the_increments_of_its_holds(seed: int) -> None:
     assert said(found, "not that of this force", "those of the holds")
     told = increments(found)
     assert len(told) == 16
-    assert sum(low < share(current) < high for current, _, (low, high) in told) >= 14
+    # One error of F0 is in all of them: they are off together, by less than twice the interval.
+    assert all(abs(value - share(current)) < high - low for current, value, (low, high) in told)
     assert found.one("force_gain").value is None
     assert found.one("saturation_current").value is None
     assert found.one("relaxation").value == pytest.approx(0.02, abs=1.5e-3)

@@ -18,6 +18,10 @@ _SMALLEST = 5e-3  # A, levels closer than this are one
 _STILL_SHARE = 0.05  # of the samples that differ from the one before: a set-point has fewer
 _FEWEST = 3
 _WINDOWS = (0.25, 0.5, 1.0, 2.0)  # s
+_BRIEF, _MOVING = (
+    0.1,
+    3.0,
+)  # of the usual length: what is shorter is a halt in a ramp; what moves must be that much longer
 HOLD_DRIFT = 0.15  # A, a hold whose current changes more is a part of a ramp
 
 
@@ -103,6 +107,23 @@ def finest_holds_of(time: np.ndarray, current: np.ndarray) -> Staircase:
     """
     found = [holds_of(time, current, window) for window in _WINDOWS]
     return max(found, key=lambda stairs: (levels_told(stairs.holds), len(stairs.holds)))
+
+
+def without_ramps(holds: Sequence[Hold]) -> tuple[Hold, ...]:
+    """Return the holds that stand still: no part of a ramp, and none far shorter than where the time is spent.
+
+    Examples
+    --------
+    >>> ramp = Hold(9.5, 10.1, 0.2, 0.001, 0.09)
+    >>> len(without_ramps([Hold(0, 9, 0.0, 0.001, 0.0), ramp, Hold(11, 20, 0.5, 0.001, 0.02)]))
+    2
+    """
+    still = [hold for hold in holds if abs(hold.drift) < HOLD_DRIFT]
+    lengths = np.sort([hold.duration for hold in still])
+    if not lengths.size:
+        return ()
+    usual = float(lengths[np.searchsorted(np.cumsum(lengths), 0.5 * lengths.sum())])
+    return tuple(hold for hold in still if hold.duration > _BRIEF * usual * (_MOVING if hold.drift != 0 else 1.0))
 
 
 def levels_told(holds: Sequence[Hold]) -> int:

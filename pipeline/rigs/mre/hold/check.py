@@ -35,7 +35,7 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
         field = fit_field(record)
         if record.of("force_axial") is not None and not is_field_map(record):
             try:
-                judge_force(analyse(record, None, field), doubts)
+                judge_force(analyse(record, None, field), doubts, alone=True)
             except ValueError as error:
                 raise InputError(f"no hold test can be identified from run '{recording.run}': {error}.") from error
         if field is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,12 +17,17 @@ STRESS = (2e3, 2e7)
 _PRELOAD = 0.3  # relative, force at 0 A against the preload told
 _LARGEST_R = 0.1  # per decade
 _SURE = 4.0  # standard errors
+_REPEAT = 0.03  # relative, by which repeats may differ
 _SMALL = 2e-3  # of F0: what is below is no doubt
 _MISFIT = 0.01
+_PLATEAU, _QUIET, _FEW = 0.05, 0.7, 4  # of the range that counts as its top; noise there over that below; holds
 
 
-def judge_force(found: Analysed, doubts: Doubts) -> bool:
-    """Say what is doubtful about the force of one run; False where its numbers are not to be used."""
+def judge_force(found: Analysed, doubts: Doubts, *, alone: bool = False) -> bool:
+    """Say what is doubtful about the force of one run; False where its numbers are not to be used.
+
+    With `alone` the run was fitted without the blank test that may stand beside it: nothing is said that the pull of the poles may explain.
+    """
     if _wrong_unit(found, doubts):
         return False
     fit, record, run = found.fit, found.record, found.run
@@ -31,9 +37,11 @@ def judge_force(found: Analysed, doubts: Doubts) -> bool:
             "the force falls as the current rises: the poles pull against the load cell, or the gap opens. The law's gain is negative.",
             "Run a blank test with a rigid spacer; check the sign of the force.",
         )
-    _limit(found, doubts)
+    _soft_limit(found, doubts)
+    if not alone:
+        _limit(found, doubts)
+        _rest(found, doubts)
     _relaxation(found, doubts)
-    _rest(found, doubts)
     if float(found.rows.current.min()) > max(0.1, 0.03 * float(found.rows.current.max())):
         doubts.doubt(
             run,
@@ -52,6 +60,14 @@ def judge_force(found: Analysed, doubts: Doubts) -> bool:
                 f"the force has not settled when a hold begins to count: it still goes {-mean:.2g} N the way of the step on average.",
                 "Hold each level longer, or raise 'settle' in the recipe.",
             )
+    gain = record.recording.conditions.get("force_gain_error")
+    if isinstance(gain, float) and gain > 0:
+        doubts.note(
+            run,
+            f"the force's calibration is uncertain by {100 * gain:.3g} %: that is in the interval of F0 only. A common factor leaves increments and relaxation as they "
+            "are; a zero that is off, or a sensor that is not linear (FSR), does not, and is in no interval.",
+            "force_axial",
+        )
     if found.blank is None:
         _pull(found, doubts)
     else:
@@ -85,7 +101,7 @@ def _wrong_unit(found: Analysed, doubts: Doubts) -> bool:
         doubts.reject(
             found.run,
             f"the force at 0 A is {F0:.4g} N, {plain(stress)} Pa on a pad: kN taken as N, or N as kN, is a factor 1000; a pad that is not "
-            "squeezed has no increment. Check the unit of force_axial and its zero.",
+            "squeezed has no increment. If a spacer stood in place of the pad, tell it with the condition 'test: blank'. Check the unit of force_axial and its zero.",
             channel="force_axial",
         )
         return True
@@ -118,6 +134,26 @@ def _limit(found: Analysed, doubts: Doubts) -> None:
         doubts.doubt(
             found.run,
             f"'{best}' describes the curve better than the S law (AICc {aicc['S law']:.3g} less): its parameters are those of a near fit.",
+        )
+
+
+def _soft_limit(found: Analysed, doubts: Doubts) -> None:
+    """Say where the noise of the force is smaller at its top than below: the end of a range, not of the pad."""
+    means = found.record.of("force_axial")
+    if means is None:
+        return
+    force, spread = means.mean[found.used], means.spread[found.used]
+    top = force > force.max() - _PLATEAU * float(np.ptp(force))
+    if top.sum() < _FEW or (~top).sum() < _FEW:
+        return
+    quiet, usual = float(np.median(spread[top])), float(np.median(spread[~top]))
+    if quiet < _QUIET * usual and float(spread[top].max()) < float(np.quantile(spread[~top], 0.25)):
+        doubts.doubt(
+            found.run,
+            f"the noise of the force is {quiet:.2g} N near its top of {force.max():.4g} N and {usual:.2g} N below: a range of the sensor or amplifier seems to end there, and the "
+            "limit that is found may be that of the sensor and not of the pad.",
+            "Repeat with a larger range of the force sensor.",
+            "force_axial",
         )
 
 
@@ -273,3 +309,30 @@ def _pull(found: Analysed, doubts: Doubts) -> None:
     advice = "Run a blank test (a rigid non-magnetic spacer in place of the pad) to tell the pull of the poles."
     if advice not in doubts.said.advice:
         doubts.said.advice.append(advice)
+
+
+def judge_repeats(analysed: Sequence[Analysed], doubts: Doubts) -> None:
+    """Say where several sweeps do not agree in the force at 0 A or in the increments."""
+    for number, first in enumerate(analysed):
+        for second in analysed[number + 1 :]:
+            told = _differences(first, second)
+            if told:
+                doubts.doubt(
+                    None,
+                    f"runs {first.run} and {second.run} differ: {listing(told)}. Each has numbers of its own; they are not repeats of one state.",
+                    "Check pad, gap, temperature and the order of the runs (Mullins effect); repeat the first run at the end.",
+                )
+
+
+def _differences(first: Analysed, second: Analysed) -> list[str]:
+    """Return in words how two runs differ beyond their errors and a few per cent."""
+    told = []
+    a, b = first.fit, second.fit
+    off, sd = b.F0 / a.F0 - 1, math.hypot(a.sd({"F0": 1.0}) / a.F0, b.sd({"F0": 1.0}) / b.F0)
+    if abs(off) > max(_REPEAT, _SURE * sd):
+        told.append(f"the force at 0 A by {100 * off:.2g} %")
+    top = min(float(a.rows.current.max()), float(b.rows.current.max()))
+    (one, one_sd), (two, two_sd) = a.increment(top), b.increment(top)
+    if one and abs(two / one - 1) > max(_REPEAT, _SURE * math.hypot(one_sd, two_sd) / abs(one)):
+        told.append(f"the increment at {top:.3g} A by {100 * (two / one - 1):.2g} %")
+    return told

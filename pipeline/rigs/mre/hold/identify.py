@@ -19,7 +19,7 @@ from pipeline.rigs.mre.hold.blank import Blank, blank_of
 from pipeline.rigs.mre.hold.declaration import PARAMETERS, HoldSettings
 from pipeline.rigs.mre.hold.field_faults import judge_field
 from pipeline.rigs.mre.hold.field_fit import FieldFit, fit_field
-from pipeline.rigs.mre.hold.force_faults import judge_force
+from pipeline.rigs.mre.hold.force_faults import judge_force, judge_repeats
 from pipeline.rigs.mre.hold.published import published
 from pipeline.rigs.mre.hold.record import Record, UnusableError, record_of
 from pipeline.rigs.mre.hold.record_faults import judge_record
@@ -70,6 +70,7 @@ def identify(recordings: Sequence[Recording], settings: HoldSettings, context: C
         if record.run not in left_out:
             judge_record(record, settings, doubts)
     usable_force = {found.run for found in analysed if judge_force(found, doubts)}
+    judge_repeats([found for found in analysed if found.run in usable_force], doubts)
     by_run = {record.run: record for record in records}
     sound = {run: field for run, field in fields.items() if judge_field(field, by_run[run], settings, doubts)}
     if not analysed:

@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.errors import counted, listing
 from pipeline.recording import QualityFinding, Recording
-from pipeline.rigs.mre.current_levels import HOLD_DRIFT, Hold, Staircase, finest_holds_of, levels_told
+from pipeline.rigs.mre.current_levels import HOLD_DRIFT, Hold, Staircase, finest_holds_of, levels_told, without_ramps
 from pipeline.rigs.mre.hold.repeats import clipped_or_stuck
 from pipeline.rigs.mre.hold.samples import FEWEST, Creep, Means, creep_of, log_times, means_of, still_settling
 
@@ -22,6 +22,7 @@ _FEWEST_HOLDS = 4
 _SWEPT = 0.8  # share of the log that no hold covers: it was swept through
 _BLOCKS = 60  # stretches that a continuous sweep is cut into
 _LARGEST = 200.0  # A, of any such coil
+_USUAL = 20.0  # A, of a usual one
 
 
 class UnusableError(Exception):
@@ -102,8 +103,10 @@ def record_of(recording: Recording, settle: float) -> Record:
 
     start = min(float(stream.time[0]) for stream in recording.streams.values() if stream.time.size)
     time, current = recording.signal("current")
-    time, current = time - start, _current(current, say)
+    usual = _current(recording, current, say)
+    turned, time, current = usual is not current, time - start, usual
     stairs = finest_holds_of(time, current)
+    _refuse_one_level(current, stairs)
     holds, swept = _holds(time, current, stairs, say)
     waits = np.array([0.0 if swept else min(settle, 0.5 * hold.duration) for hold in holds])
     windows = [(hold.start + wait, hold.stop) for hold, wait in zip(holds, waits, strict=True)]
@@ -117,6 +120,9 @@ def record_of(recording: Recording, settle: float) -> Record:
         if not np.isfinite(values).any():
             say("warning", name, f"{name} holds no number; it is not used.")
             continue
+        if name == "flux_density" and turned and _falls_with(time, current, own_time - start, values):
+            say("note", name, "flux_density is negative with the current: both are taken as positive.")
+            values = -values
         samples[name] = (own_time - start, values)
         channels[name] = means_of(own_time - start, values, windows)
     lost = np.zeros(len(holds), dtype=bool)
@@ -155,8 +161,31 @@ def record_of(recording: Recording, settle: float) -> Record:
     )
 
 
-def _current(values: np.ndarray, say: Callable[[str, str | None, str], None]) -> np.ndarray:
-    """Return the current with its usual sign positive.
+def _falls_with(time: np.ndarray, current: np.ndarray, own_time: np.ndarray, values: np.ndarray) -> bool:
+    """Tell whether a channel falls as the current rises."""
+    there, own = np.isfinite(current), np.isfinite(values)
+    seen = np.interp(own_time[own], time[there], current[there])
+    return bool(((seen - seen.mean()) * (values[own] - values[own].mean())).sum() < 0)
+
+
+def _refuse_one_level(current: np.ndarray, stairs: Staircase) -> None:
+    """Refuse a current that stands still but for its noise.
+
+    Raises
+    ------
+    UnusableError
+        If it does.
+    """
+    low, high = np.quantile(current[np.isfinite(current)], [0.01, 0.99])
+    if high - low < max(8 * stairs.noise, 0.02) and high - low < HOLD_DRIFT:
+        raise UnusableError(
+            f"the current stands at {0.5 * (low + high):.4g} A throughout, but for its noise: nothing is swept, and one level tells no increment",
+            "current",
+        )
+
+
+def _current(recording: Recording, values: np.ndarray, say: Callable[[str, str | None, str], None]) -> np.ndarray:
+    """Return the current with its usual sign positive; the same array where it is.
 
     Raises
     ------
@@ -176,7 +205,7 @@ def _current(values: np.ndarray, say: Callable[[str, str | None, str], None]) ->
         )
     if max(abs(low), abs(high)) > _LARGEST:
         raise UnusableError(
-            f"the current reaches {max(abs(low), abs(high)):.4g} A, which no such coil takes: mA taken as A (factor 1000)?",
+            f"the current reaches {max(abs(low), abs(high)):.4g} A, which no such coil takes: {_mistaken(recording)}",
             "current",
         )
     if -low > 5 * max(high, 0.0):
@@ -192,11 +221,21 @@ def _current(values: np.ndarray, say: Callable[[str, str | None, str], None]) ->
     return values
 
 
+def _mistaken(recording: Recording) -> str:
+    """Say what a current may be that is far too large."""
+    if "force_axial" in recording:
+        force = recording.values("force_axial")
+        force = force[np.isfinite(force)]
+        if force.size and float(np.abs(np.quantile(force, [0.01, 0.99])).max()) < _USUAL:
+            return "current and force_axial swapped, since the force never exceeds a usual current, or mA taken as A (factor 1000)"
+    return "mA taken as A (factor 1000)"
+
+
 def _holds(
     time: np.ndarray, current: np.ndarray, stairs: Staircase, say: Callable[[str, str | None, str], None]
 ) -> tuple[tuple[Hold, ...], bool]:
     """Return the holds, or the blocks of a continuous sweep and True."""
-    still = _without_frozen(time, current, [hold for hold in stairs.holds if abs(hold.drift) < HOLD_DRIFT], say)
+    still = _without_frozen(time, current, without_ramps(stairs.holds), say)
     covered = sum(hold.duration for hold in still) / max(float(time[-1] - time[0]), 1e-9)
     distinct = levels_told(still)
     if covered >= 1 - _SWEPT and distinct >= 2:

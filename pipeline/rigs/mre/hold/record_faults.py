@@ -6,9 +6,10 @@ import numpy as np
 
 from pipeline.rigs.mre.doubts import Doubts
 from pipeline.rigs.mre.hold.declaration import HoldSettings
+from pipeline.rigs.mre.hold.force_faults import plain
 from pipeline.rigs.mre.hold.record import Record
 
-_SHORT = 4.0  # s
+_SHORT, _LONG = 4.0, 1000.0  # s
 _COPPER = 3.9e-3  # 1/K
 
 
@@ -35,6 +36,12 @@ def judge_record(record: Record, settings: HoldSettings, doubts: Doubts) -> None
             f"the holds last {np.median(short):.2g} s: too short for the force to settle (0.5 s time constant on the way down); the second half "
             "of each was used.",
             "Hold each level for 5 s or longer.",
+        )
+    if not record.swept and float(np.median(short)) > _LONG:
+        doubts.doubt(
+            run,
+            f"the holds last {np.median(short):.4g} s: ms taken as s (factor 1000)? Relaxation and the force at 10 s depend on the clock.",
+            "Check the unit of time.",
         )
     _gap(record, settings, doubts)
     _heat(record, settings, doubts)
@@ -67,7 +74,7 @@ def _heat(record: Record, settings: HoldSettings, doubts: Doubts) -> None:
             hot = (float(R.max()) / first - 1) / _COPPER
             told = (
                 f"coil resistance {first:.4g} ohm at the start, {last:.4g} ohm at the end, {R.max():.4g} ohm at most: the copper is up to "
-                f"{hot:.2g} K warmer than at the start"
+                f"{plain(hot)} K warmer than at the start"
             )
             if hot > settings.heating_limit:
                 doubts.doubt(
@@ -88,7 +95,7 @@ def _heat(record: Record, settings: HoldSettings, doubts: Doubts) -> None:
         if rise > settings.heating_limit:
             doubts.doubt(
                 record.run,
-                f"the temperature changes by {rise:.2g} K during the sweep.",
+                f"the temperature changes by {plain(rise)} K during the sweep.",
                 "Let the rig cool.",
                 "temperature",
             )
