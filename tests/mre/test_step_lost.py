@@ -151,3 +151,14 @@ def test_ripple_of_the_current_invents_no_level() -> None:
     for direction in ("rise", "fall"):
         t63 = true_times(StepTruth(), rising=direction == "rise")[0]
         assert found.one("t63", direction=direction).value == pytest.approx(t63, abs=3e-3)
+
+
+def test_hum_of_the_mains_is_named_and_taken_off() -> None:
+    found = step([changed(log(), "force_axial", lambda t, x: x + 5 * np.sin(2 * np.pi * 50.03 * t + 1))])
+    assert said(found, "hum of", "50.0", "taken off")
+    assert not said(found, "misses the response")
+    for direction in ("rise", "fall"):
+        assert found.one("delay", direction=direction).value == pytest.approx(0.02, abs=5e-3)
+        assert found.one("time_constant_2", direction=direction).value == pytest.approx(0.04, abs=8e-3)
+    rippled = step([changed(log(), "current", lambda t, x: x + 0.2 * np.sin(2 * np.pi * 50 * t))])
+    assert said(rippled, "ripple of 0.2 A at 50 Hz")

@@ -18,6 +18,7 @@ from pipeline.rigs.mre.hold.record import UnusableError
 from pipeline.rigs.mre.hold.repeats import clipped_or_stuck, lone_spikes
 from pipeline.rigs.mre.step.breaks import Break, breaks_of
 from pipeline.rigs.mre.step.lags import passes
+from pipeline.rigs.mre.step.mains import LONGEST, hum_of
 
 _LEAST_STEP, _SAME = 0.15, 0.03  # of the range of the current: a step; levels that are one
 _FINEST = 2e-3  # s
@@ -25,6 +26,7 @@ _FINEST = 2e-3  # s
 _MOST_ROWS, _MOST_POINTS = 20_000, 60_000
 _FEWEST = 30
 _LARGEST = 200.0  # A, of any such coil
+_RIPPLE = 0.01  # of the range of the current
 _BOTH = 0.1  # of the largest current: what is negative beyond is no noise
 _QUICK = 6e-3  # s, samples that are closer show how a coil's current rises
 DIRECTIONS = ("rise", "fall")
@@ -145,6 +147,25 @@ def record_of(recording: Recording) -> Record:
     dt = max(min(period, _FINEST), float(last - first) / _MOST_POINTS)
     grid = np.arange(first, last + dt, dt)
     _refuse_clipped(time, force, own, raw, stairs)
+    # The second half of a level is all but settled.
+    spans = [(0.5 * (hold.start + hold.stop), hold.stop) for hold in stairs.holds]
+    hum = hum_of(time, force, spans)
+    if hum is not None:
+        short = float(time[-1] - time[0]) <= LONGEST
+        force = force - hum.wave(time) if short else force
+        say(
+            "warning",
+            "force_axial",
+            f"hum of {hum.amplitude:.3g} N at {hum.frequency:.4g} Hz in the force: the mains. It was {'taken off' if short else 'left in, as the mains wander over so long a log'}; "
+            "mend shield and ground.",
+        )
+    ripple = hum_of(own, raw, spans)
+    if ripple is not None and ripple.amplitude > _RIPPLE * (high - low):
+        say(
+            "warning",
+            "current",
+            f"ripple of {ripple.amplitude:.3g} A at {ripple.frequency:.4g} Hz on the current: the mains, from the supply or picked up. Left as it is: onsets are less sure.",
+        )
     # What the force does before the first level and after the last is not of any step that was found.
     inside = (time >= stairs.holds[0].start) & (time <= stairs.holds[-1].stop)
     inside &= ~frozen
