@@ -219,11 +219,5 @@ def test_other_test_is_not_taken_for_a_loop() -> None:
         found(changed(AT_0, unchanged, test="hold_sweep"))
 
 
-def test_force_of_a_newton_without_pads_is_doubted() -> None:
-    campaign = found(changed(AT_0, scaled(force_axial=1e-3), pad_diameter=None))
-    assert campaign.verdict == "warning"
-    assert "kN taken as N" in words(campaign)
-
-
 def test_good_log_is_not_doubted() -> None:
     assert list(check(AT_0)) == []

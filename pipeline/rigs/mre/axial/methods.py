@@ -46,7 +46,9 @@ def _model() -> str:
 def _numbers() -> str:
     return (
         "Secant stiffness is the force of the model at the turn, F_off removed, over the displacement there; slope stiffness is the regression of the loading branch over 20 to 80 % of the "
-        "stroke; loss ratio is the work lost in a full loop over the work of loading; the unloading drop is alpha (1 + w_m). Stiffening is the ratio to the run at 0 A less 1."
+        "stroke; loss ratio is the work lost in a full loop over the work of loading; the unloading drop is alpha (1 + w_m). Stiffening is the ratio to the run at 0 A less 1. A jump of the gauge or "
+        "of the force, and a step of the force at every turn, are sought in every run; what is found is said. Relaxation and viscosity act like hysteresis in a loop at one rate and are in "
+        "these numbers."
     )
 
 

@@ -10,12 +10,13 @@ import numpy as np
 from pipeline.estimation.uncertainty import effective_size, t_quantile
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.axial.contact import backlash, from_contact, moved
+from pipeline.rigs.mre.axial.jumps import with_force_jumps, without_gauge_jumps
 from pipeline.rigs.mre.axial.loop import LoopModel, along_strokes
 from pipeline.rigs.mre.axial.loop_data import LoopData, LoopFit
 from pipeline.rigs.mre.axial.loop_fit import fit_loop
 from pipeline.rigs.mre.axial.motion import Motion, as_read, rates, read_finely
 from pipeline.rigs.mre.axial.numbers import Numbers, d_max_of, numbers_of
-from pipeline.rigs.mre.axial.record import Samples, UnfitError, noise_of, samples_of
+from pipeline.rigs.mre.axial.record import Samples, UnfitError, noise_of, pads_of, samples_of
 from pipeline.rigs.mre.axial.standstill import fitted_data, thinned
 
 # A drift must improve the misfit by this (chi-square of one unknown, 1 in 10^6) and be this share of the force.
@@ -76,6 +77,8 @@ def fit_run(recording: Recording) -> RunFit:
     doubts: list[str] = []
     samples = samples_of(recording, said.append)
     doubts += [finding.message for finding in said if finding.level == "warning"]
+    samples, jumped = without_gauge_jumps(samples)
+    doubts += jumped
     samples, spread, cut = from_contact(samples)
     doubts += cut
     motion = moved(samples)
@@ -98,6 +101,8 @@ def fit_run(recording: Recording) -> RunFit:
             fit = _or_as_read(fit)
     except ValueError as error:
         raise UnfitError(str(error)) from error
+    fit, jumped = with_force_jumps(fit)
+    doubts += jumped
     fit, drifting = _with_drift(fit)
     doubts += drifting
     numbers = numbers_of(fit, release=release)
@@ -187,9 +192,13 @@ def _judge(found: RunFit) -> None:
             f"the stiffness comes out as {stiffness.value:.3g} N/m: the loop is none of an elastic pad."
         )
     if span < _SMALL_FORCE:
-        found.doubts.append(
-            f"the force changes by {span:.3g} N only: is it kN taken as N? All stiffnesses would be off by that factor."
-        )
+        text = f"the force changes by {span:.3g} N only: it looks like kN taken as N, by which all stiffnesses would be off. Check the unit of force_axial; for a pad that is so soft, give its size"
+        if pads_of(found.recording) is None:
+            found.rejected.append(f"{text}.")
+        else:
+            found.doubts.append(
+                f"the force changes by {span:.3g} N only: is it kN taken as N? All stiffnesses would be off by that factor."
+            )
     if abs(fit.offset) > _OFFSET_SHARE * span:
         found.doubts.append(
             f"the force at zero displacement is {fit.offset:.3g} N, {100 * abs(fit.offset) / span:.0f} % of its range: the load cell's zero, or a pad that was loaded "

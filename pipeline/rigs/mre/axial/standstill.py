@@ -13,6 +13,8 @@ from pipeline.rigs.mre.axial.record import Samples
 
 # A change of the force during a standstill that counts, in standard errors and as a share of its range.
 _RELAXED_SIGMA, _RELAXED_SHARE = 4.0, 2e-3
+# A force that changes at this share of its rate in motion means that the pad moves, whatever the gauge shows.
+_AS_IF_MOVING = 0.5
 
 
 _MOST = 3000  # samples of the force, beyond which they are averaged, and a fifth as many for each stroke
@@ -58,6 +60,13 @@ def fitted_data(samples: Samples, motion: Motion) -> tuple[LoopData, list[str]]:
         kept &= ~rest
         columns.append((time > end).astype(float))
         names.append("relaxed")
+        stiffness = float(np.ptp(F)) / max(float(np.ptp(samples.x)), 1e-12)
+        if abs(float(line[0])) > _AS_IF_MOVING * stiffness * speeds[i]:
+            doubts.append(
+                f"the gauge stood still for {end - begin:.3g} s at the turn while the force went on by {abs(change):.3g} N as fast as when it moves: play of up to "
+                f"{1e6 * speeds[i] * (end - begin):.2g} um in the gauge or the screw. It was fitted as a step, and drop and loss hold what it leaves."
+            )
+            continue
         doubts.append(
             f"the press stood still for {end - begin:.3g} s at the turn and the force {'relaxed' if change < 0 else 'changed'} by {abs(change):.3g} N: the loop "
             "model has no such relaxation; it was fitted as a step, and drop and loss hold what it leaves."

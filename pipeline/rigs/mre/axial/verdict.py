@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from pipeline.errors import counted, listing
 from pipeline.estimation.estimate import Estimate
 from pipeline.rigs.mre.axial.levels import Current, Level
+from pipeline.rigs.mre.axial.run_fit import RunFit
 from pipeline.rigs.mre.judgement import Judgement
 
 _FEW_TOLD = 4
@@ -50,9 +51,20 @@ def judge(
             said.advice.append("Repeat runs at 0 A before and after the others, and give 'sequence_index'.")
     _design(said, levels)
     if said.verdict == "ok":
-        said.reasons.append("The loop model describes every run; all numbers are determined.")
+        said.reasons.append("The loop model describes every run; all its numbers are determined.")
+    said.reasons.append(_at_these_rates(fits))
     said.advice = list(dict.fromkeys(said.advice))
     return said
+
+
+def _at_these_rates(fits: Sequence[RunFit]) -> str:
+    """Return what the numbers mean: a loop at one rate does not tell hysteresis from relaxation and viscosity."""
+    rates = sorted({float(f"{1e3 * abs(fit.rate):.2g}") for fit in fits})
+    at = f"{rates[0]:g} mm/s" if len(rates) == 1 else f"{rates[0]:g} to {rates[-1]:g} mm/s"
+    return (
+        f"All numbers hold at the rate of the test, {at}: loops at one rate cannot tell hysteresis from relaxation and viscosity, so stiffness, alpha, rho and loss contain both. "
+        "Another loop at a fifth of the rate would show it."
+    )
 
 
 def _open(said: Judgement, estimates: Sequence[Estimate]) -> None:
@@ -66,6 +78,10 @@ def _open(said: Judgement, estimates: Sequence[Estimate]) -> None:
 
 def _currents(said: Judgement, levels: Sequence[Level], currents: Mapping[str, Current]) -> None:
     unknown = [run for run, current in currents.items() if current.value is None]
+    if unknown and len(currents) == 1:
+        said.warn(
+            "No coil current is known, neither by the channel 'current' nor by 'coil_current': the numbers are of an unnamed state."
+        )
     if unknown and len(currents) > 1:
         said.warn(f"No coil current is known of {listing(unknown, 6)}: no stiffening is told; give 'coil_current'.")
     known = [level for level in levels if level.current is not None]
