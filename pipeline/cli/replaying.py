@@ -34,8 +34,12 @@ def play(experiment: Experiment, settings: object, recordings: Sequence[Recordin
     """Feed every recording to the online method as it was logged, `speed` times as fast (inf: at once)."""
     must_follow(experiment)
     assert experiment.live is not None
+    if not speed > 0:
+        raise InputError(f"--speed is {speed:g}: a number above 0 is expected, 1 for as fast as it was logged.")
     for recording in recordings:
         try:
+            if experiment.check is not None:
+                experiment.check(recording)
             follower = experiment.live(recording, settings)
         except InputError as error:
             click.echo(f"run {recording.run} is not shown: {error}")

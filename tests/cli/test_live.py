@@ -102,6 +102,29 @@ def test_speed_is_for_live_only(log: Path, rigfit: Call, tmp_path: Path) -> None
     assert "--live" in answer.err
 
 
+@pytest.mark.parametrize("speed", ["nan", "-1"])
+def test_a_speed_that_is_none_is_refused(log: Path, rigfit: Call, tmp_path: Path, speed: str) -> None:
+    answer = rigfit("run", "mre.shear_rich", log, "--out", tmp_path / "out", "--live", "--speed", speed)
+    assert answer.status == 2
+    assert "speed" in answer.err
+
+
+def test_a_log_that_will_be_refused_is_not_shown(record: Recording, capsys: pytest.CaptureFixture[str]) -> None:
+    (stream,) = record.streams.values()
+    force = stream.channels["force"]
+    dead = replace(stream, channels={**stream.channels, "force": replace(force, values=0 * force.values)})
+    replaying.play(SHEAR_RICH, RichSettings(), [replace(record, streams={stream.name: dead})], float("inf"))
+    shown = capsys.readouterr().out
+    assert "is not shown" in shown
+    assert "+-" not in shown
+
+
+def test_no_line_of_the_table_stands_twice(record: Recording, capsys: pytest.CaptureFixture[str]) -> None:
+    replaying.play(SHEAR_RICH, RichSettings(), [record], float("inf"))
+    times = [line.split()[0] for line in capsys.readouterr().out.splitlines()[2:-1]]
+    assert len(times) == len(set(times))
+
+
 def test_clocks_of_their_own_are_not_shown_and_identified_all_the_same(
     record: Recording, capsys: pytest.CaptureFixture[str]
 ) -> None:

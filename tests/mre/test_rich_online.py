@@ -140,3 +140,13 @@ def replace_sigma(online: Online, sigma: float) -> Online:
 def test_a_known_lag_is_not_searched() -> None:
     online = follow(Online(viscous=False, force_lag=60e-6), *samples(rich(duration=20.0)))
     assert abs(ends(online)["force_lag"]) < 1e-9
+
+
+@pytest.mark.parametrize("seed", [101, 102])
+def test_a_record_in_full_motion_at_its_start_converges_with_a_field(seed: int) -> None:
+    time, x, force = samples(rich(6.0, seed, 61.0, 1000.0))
+    moving = time > 1.0
+    online = follow(Online(viscous=True), time[moving], x[moving], force[moving])
+    assert judge_online(online).converged
+    for name in ("k1", "k2", "alpha_bw", "rho", "c_bw", "n_bw"):
+        assert ends(online)[name] == pytest.approx(true_values(6.0)[name], rel=0.08), name

@@ -21,6 +21,7 @@ from pipeline.rigs.mre.model.dynamic_model import SCALE, SHAPE_NAMES, bounds_rea
 from pipeline.rigs.mre.model.fit_errors import PHYSICAL_BOUNDS, Errors, Key
 from pipeline.rigs.mre.model.fit_estimates import estimates_of, impossible
 from pipeline.rigs.mre.model.time_columns import Record, largest_excursion, livelier_part, segments_of
+from pipeline.rigs.mre.model.time_evidence import Evidence, changing_gain, curves, stepping_zero, viscous
 from pipeline.rigs.mre.model.time_model import TimeModel, TimeOptions
 
 __all__ = ["Record", "TimeFit", "TimeOptions", "fit_records"]
@@ -55,8 +56,11 @@ class TimeFit:
     drift
         Per run, by how much the mean force drifts where that was fitted along, N.
     gain_change
-        Per run, by which share the force changes from the start to the end beyond what the model tells,
-        and its standard error.
+        Per run, by which share the force changes from the start to the end beyond what the model tells.
+    curves
+        What cubics of the sensors and of the pad would find in the residual, by what would be curved.
+    viscous, zero_step
+        What a dashpot would find (N s/m), and when (s) and by how much (N) the force's zero would step.
     inertia
         Mass (kg) that one further step of the fit would find in the residual, and its standard error.
     series
@@ -87,7 +91,10 @@ class TimeFit:
     cutoff: float
     starts_agreeing: tuple[int, int]
     drift: Mapping[str, float]
-    gain_change: Mapping[str, tuple[float, float]]
+    gain_change: Mapping[str, Evidence]
+    curves: Mapping[str, Evidence]
+    viscous: Evidence
+    zero_step: tuple[float, Evidence]
     inertia: tuple[float, float]
     series: Mapping[str, Mapping[str, np.ndarray]]
 
@@ -243,7 +250,10 @@ def _finished(
         cutoff=max(part.cutoff for part in model.segments),
         starts_agreeing=agreeing,
         drift=_drift(model, fit, run_of_row),
-        gain_change={run: _gain_change(model, fit, run_of_row == run, fraction) for run in runs},
+        gain_change={run: changing_gain(model, fit, run_of_row == run) for run in runs},
+        curves=curves(model, fit),
+        viscous=viscous(model, fit),
+        zero_step=stepping_zero(model, fit),
         inertia=_inertia(model, fit, fraction),
         series={run: _series(model, fit, run, run_of_row) for run in runs},
     )
@@ -283,19 +293,6 @@ def _drift(model: TimeModel, fit: SeparableFit, run_of_row: np.ndarray) -> dict[
     start = len(model.terms)
     drift = model.nuisance[model.usable][:, columns] @ fit.c[start + columns.start : start + columns.stop]
     return {run: float(np.ptp(drift[run_of_row == run])) for run in dict.fromkeys(run_of_row.tolist())}
-
-
-def _gain_change(model: TimeModel, fit: SeparableFit, here: np.ndarray, fraction: float) -> tuple[float, float]:
-    """Return by which share the force of a run changes beyond the model from start to end, and its error."""
-    terms = len(model.terms)
-    modelled = fit.jacobian[:, model.n_shape : model.n_shape + terms] @ fit.c[:terms]
-    grows = np.where(here, modelled, 0.0)
-    grows[here] *= np.linspace(-0.5, 0.5, int(here.sum()))
-    basis = np.linalg.qr(fit.jacobian)[0]
-    grows -= basis @ (basis.T @ grows)
-    power = float(grows @ grows)
-    rest = fit.residual[here]
-    return float(grows @ fit.residual) / power, math.sqrt(float(rest @ rest) / rest.size / power / fraction)
 
 
 def _inertia(model: TimeModel, fit: SeparableFit, fraction: float) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.estimation.residuals import whiteness
-from pipeline.rigs.mre.rich.agreement import Agreement
+from pipeline.rigs.mre.rich.comparison import Comparison
 from pipeline.rigs.mre.rich.fits import RichFit
 from pipeline.rigs.mre.rich.online_verdict import ABSENT
 
@@ -17,7 +17,7 @@ _SPECTRUM_STEP = 0.5  # Hz
 TRACKED = ("k1", "s1", "tau", "k2", "alpha_bw", "rho", "c_bw", "n_bw")
 
 
-def arrays_of(fits: Sequence[RichFit], agreement: Agreement | None, flux: pd.DataFrame) -> dict[str, pd.DataFrame]:
+def arrays_of(fits: Sequence[RichFit], agreement: Comparison | None, flux: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return the tables that there are, by name."""
     tables = {
         "records": pd.DataFrame([_record(fit) for fit in fits]),
@@ -168,7 +168,7 @@ def _correlation(fit: RichFit) -> pd.DataFrame:
     return table
 
 
-def _agreement(agreement: Agreement | None) -> pd.DataFrame:
+def _agreement(agreement: Comparison | None) -> pd.DataFrame:
     if agreement is None:
         return pd.DataFrame()
     rows = []

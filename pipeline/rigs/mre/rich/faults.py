@@ -9,8 +9,10 @@ import numpy as np
 
 from pipeline.errors import listing
 from pipeline.recording import Recording
-from pipeline.rigs.mre.rich.fits import RichFit
+from pipeline.rigs.mre.rich.fits import DASHPOT_SURE, RichFit
+from pipeline.rigs.mre.rich.noise import expected_residual, white
 from pipeline.rigs.mre.rich.online_verdict import CONVERGED
+from pipeline.rigs.mre.rich.unmodelled import causes, curved
 from pipeline.rigs.mre.shear.check import MODULUS_RANGE
 from pipeline.rigs.mre.shear.faults import say_preload_by_field, say_remanence, say_varying
 from pipeline.rigs.mre.shear.runs import apart
@@ -18,9 +20,12 @@ from pipeline.rigs.mre.shear.samples import number_of
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
 from pipeline.rigs.mre.shear.unsteady import say_faults_of_records
 
-# The residual against the white noise of the force, and the share of the force, from which on the model misses something.
-_MISSES, _MISSES_SHARE = 1.5, 0.004
+# The residual against what white noise leaves of it, and the share of the force, from which on the model misses something.
+_MISSES, _MISSES_SHARE = 1.3, 0.002
 _LARGE_NOISE = 0.1
+_STEP_SURE, _STEP_SHARE = 6.0, 0.1  # standard errors, and share of the squared residual, of a step of the zero
+# Amplitudes beyond which a unit is doubted that nothing else tells of: N, m.
+_LEAST_FORCE, _LARGEST_DISPLACEMENT = 1.0, 0.1
 
 
 def say_faults(runs: SortedRuns, recordings: Sequence[Recording], fits: Sequence[RichFit]) -> list[str]:
@@ -34,7 +39,10 @@ def say_faults(runs: SortedRuns, recordings: Sequence[Recording], fits: Sequence
         *(doubt for fit in fits for doubt in _unsteady(runs, fit)),
         *(_mass(runs, fit) for fit in fits),
         *(_late(fit) for fit in fits),
+        *(_damped(fit) for fit in fits),
+        *(_zero(runs, fit) for fit in fits),
         *_sensors(runs),
+        *(_curved(runs, fit) for fit in fits),
         *(_residual(runs, fit) for fit in fits),
     ]
     for fit in fits:
@@ -45,7 +53,10 @@ def say_faults(runs: SortedRuns, recordings: Sequence[Recording], fits: Sequence
 def _unsteady(runs: SortedRuns, fit: RichFit) -> list[str]:
     """Say what drifts, fades or lags in a record, under its name."""
     before = len(runs.quality)
-    doubts = say_faults_of_records(runs, [fit.batch])
+    seen = {run: found for run, found in fit.batch.gain_change.items() if run in causes(fit.batch)}
+    doubts = say_faults_of_records(
+        runs, [replace(fit.batch, gain_change=seen)], "Intervals are widened by what a steady change would shift"
+    )
     runs.quality[before:] = [q if q.run else replace(q, run=fit.run) for q in runs.quality[before:]]
     return doubts
 
@@ -54,9 +65,13 @@ def _modulus(runs: SortedRuns, fits: Sequence[RichFit]) -> str:
     """Doubt records whose shear modulus no elastomer has: a wrong unit."""
     for fit in fits:
         pads, series = fit.usable.pads, fit.usable.series
-        if pads is None:
-            continue
         x, F = series.x[series.counts], series.F[series.counts]
+        if pads is None:
+            doubt = _size(fit.run, 0.5 * float(np.ptp(x)), 0.5 * float(np.ptp(F)))
+            if doubt:
+                runs.say("warning", fit.run, doubt, "force")
+                return doubt
+            continue
         stiffness = float(np.cov(x, F)[0, 1] / np.var(x))
         modulus = stiffness * pads.modulus_per_stiffness
         if MODULUS_RANGE[0] <= modulus <= MODULUS_RANGE[1]:
@@ -70,6 +85,18 @@ def _modulus(runs: SortedRuns, fits: Sequence[RichFit]) -> str:
         )
         runs.say("warning", fit.run, doubt, "displacement")
         return doubt
+    return ""
+
+
+def _size(run: str, displacement: float, force: float) -> str:
+    """Doubt amplitudes (m, N) that no shaker test has: a wrong unit, where no size of pads tells."""
+    if force < _LEAST_FORCE:
+        return (
+            f"The force of run {run} swings by only {force:.2g} N: hardly a load cell of a shaker. Is it in kN? Set its unit, "
+            "or pad_diameter and pad_height if it is right: then the shear modulus is held against elastomers'."
+        )
+    if displacement > _LARGEST_DISPLACEMENT:
+        return f"The displacement of run {run} swings by {displacement:.2g} m. Is it in mm? Set its unit."
     return ""
 
 
@@ -113,6 +140,38 @@ def _late(fit: RichFit) -> str:
     )
 
 
+def _damped(fit: RichFit) -> str:
+    """Doubt a record with viscous damping where no field is known of."""
+    batch = fit.batch
+    if fit.linear or fit.current:
+        return ""
+    if "s_mr" in batch.names:
+        return (
+            f"No current is known of run {fit.run}, and its force holds viscous damping of {batch.one('s_mr').value or 0:.3g} N s/m "
+            "as a field gives it; it is fitted along. Set 'coil_current'; if the field was off, the displacement may be late."
+        )
+    if batch.viscous.times_error > DASHPOT_SURE:
+        return (
+            f"Run {fit.run} is told to be without a field, and its force is early as viscous damping would make it ({batch.viscous.times_error:.2g} "
+            "times the error): is the coil's current right, or the displacement late? Without that damping k1, C and the lag are off; their intervals are widened by it."
+        )
+    return ""
+
+
+def _zero(runs: SortedRuns, fit: RichFit) -> str:
+    """Doubt a record in which the zero of the force steps."""
+    when, found = fit.batch.zero_step
+    gains = max((e.share for e in fit.batch.gain_change.values() if e.times_error > _STEP_SURE), default=0.0)
+    if fit.linear or found.times_error < _STEP_SURE or found.share < max(_STEP_SHARE, gains):
+        return ""
+    doubt = (
+        f"The zero of the force steps by {found.size:+.3g} N near {when:.3g} s of run {fit.run}: a load cell that was touched, "
+        "reset or overloaded. Cut the record there."
+    )
+    runs.say("warning", fit.run, doubt, "force")
+    return doubt
+
+
 def _sensors(runs: SortedRuns) -> list[str]:
     """Doubt records of which a part was lost to a clipped or stuck sensor: what else it did then is not known."""
     return [
@@ -122,15 +181,24 @@ def _sensors(runs: SortedRuns) -> list[str]:
     ]
 
 
+def _curved(runs: SortedRuns, fit: RichFit) -> str:
+    """Doubt a record whose residual shows a curved sensor or a pad that hardens."""
+    told = "" if fit.linear else curved(fit.batch)
+    if not told:
+        return ""
+    runs.say("warning", fit.run, told)
+    return f"Run {fit.run}: {told}"
+
+
 def _residual(runs: SortedRuns, fit: RichFit) -> str:
     """Doubt a model that leaves more than the force's noise, and say where noise drowns the force."""
     F = fit.usable.series.F
-    noise = float(np.median(np.abs(np.diff(F, 3))) / 0.6745 / np.sqrt(20))
+    noise, expected = white(F), expected_residual(fit)
     left, nrmse = fit.batch.rms_residual, fit.batch.nrmse
-    if left > _MISSES * noise and nrmse > _MISSES_SHARE:
+    if left > _MISSES * expected and nrmse > _MISSES_SHARE:
         return (
-            f"The model leaves {left:.3g} N of run {fit.run}, {left / max(noise, 1e-12):.2g} times the noise between samples and "
-            f"{100 * nrmse:.2g} % of the force: something in the record is not in the model. Intervals allow for its colour only."
+            f"The model leaves {left:.3g} N of run {fit.run}, {left / max(expected, 1e-12):.2g} times what the noise between samples lets "
+            f"expect, and {100 * nrmse:.2g} % of the force: something in the record is not in the model. Intervals allow for its colour only."
         )
     if noise > _LARGE_NOISE * float(np.std(F)):
         runs.say(

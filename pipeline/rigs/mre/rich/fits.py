@@ -15,6 +15,7 @@ from pipeline.rigs.mre.rich.excitation import Reach, reach_of
 from pipeline.rigs.mre.rich.joint_filter import Start
 from pipeline.rigs.mre.rich.online import Online
 from pipeline.rigs.mre.rich.online_verdict import CONVERGED, MOVING, OnlineVerdict, judge_online
+from pipeline.rigs.mre.rich.unmodelled import widened
 from pipeline.rigs.mre.shear.declaration import ShearSettings
 from pipeline.rigs.mre.shear.records import fit_all_records
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
@@ -23,9 +24,13 @@ from pipeline.signals.filtering import low_pass
 # A mass is looked for where the residual holds one of so many standard errors, and kept where it is known that well and
 # the gain of the force does not change besides: a chirp confounds the two at first.
 _MASS_SEEN, _MASS_SURE, _GAIN_STEADY = 4.0, 5.0, 1e-3
+# A mass predicts the second half from the first as well as it meets the first; a gain that steps does not.
+_HALVES_AGREE = 1.3
+# A dashpot beside the others is seen from so many standard errors on, and taken where BIC wants it.
+DASHPOT_SURE, _BIC_SURE = 5.0, 10.0
 _MAXWELL = {"k1", "s1", "tau", "k2", "s_mr", "force_lag", "k1_plus_k2", "k2_plus_alpha_rho"}
 # Filter and batch fit disagree where a parameter is this far apart, and more than chance by the filter's own sd.
-APART = 0.1
+APART = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,27 +60,31 @@ def fit_record(
         moving_mass=mass or 0.0,
     )
     batch, linear = _batch(usable, settings, options, runs)
+    if usable.current is None and not linear and batch.viscous.times_error > DASHPOT_SURE:
+        damped, _ = _batch(usable, settings, options, runs, viscous=True)
+        batch = damped if damped.bic < batch.bic - _BIC_SURE else batch
     left, error = batch.inertia
     reach = reach_of(usable, batch.cutoff)
     if reach is not None and reach.is_one_loop and not linear:
         batch = _of_one_loop(batch)
     swept = usable.excitation.kind != "periodic"  # at one frequency a mass is a spring
     if settings.moving_mass == "auto" and mass is None and swept and not linear and left > _MASS_SEEN * error:
-        weighed, _ = _batch(usable, settings, replace(options, fit_mass=True), runs)
+        dashpot = True if "s_mr" in batch.names else None
+        weighed, _ = _batch(usable, settings, replace(options, fit_mass=True), runs, viscous=dashpot)
         batch = weighed if _with_mass(weighed, usable.run) else batch
     online, verdict = None, None
     if settings.online:
         online = follow(usable, lag, mass or 0.0, settings, viscous=bool(current))
         verdict = _beside(batch, judge_online(online, batch.rms_residual), online)
-    return RichFit(usable.run, usable, current, batch, reach, linear, online, verdict)
+    return RichFit(usable.run, usable, current, batch if linear else widened(batch), reach, linear, online, verdict)
 
 
 def _batch(
-    usable: UsableRun, settings: RichSettings, options: FitOptions, runs: SortedRuns
+    usable: UsableRun, settings: RichSettings, options: FitOptions, runs: SortedRuns, *, viscous: bool | None = None
 ) -> tuple[TimeFit, tuple[LinearEquivalent, ...]]:
     alone = SortedRuns(records=[usable])
     as_shear = ShearSettings(mains_frequency=settings.mains_frequency, starts=settings.starts, cutoff=settings.cutoff)
-    found = fit_all_records(alone, as_shear, options)
+    found = fit_all_records(alone, as_shear, options, viscous)
     runs.quality.extend(finding for finding in alone.quality if finding not in runs.quality)
     return found.fits[0], tuple(found.linear)
 
@@ -97,11 +106,12 @@ def _of_one_loop(fit: TimeFit) -> TimeFit:
 
 
 def _with_mass(fit: TimeFit, run: str) -> bool:
-    """Tell whether a fit with a mass explains what was left: a mass that is sure, and no gain that changes besides."""
-    found = fit.one("moving_mass")
-    change, sd = fit.gain_change[run]
-    steady = abs(change) < max(_GAIN_STEADY, _MASS_SURE * sd)
-    return bool(found.value is not None and found.std_error and found.value > _MASS_SURE * found.std_error and steady)
+    """Tell whether a fit with a mass explains what was left: a sure mass that both halves agree on, and a steady gain."""
+    found, gain = fit.one("moving_mass"), fit.gain_change[run]
+    steady = abs(gain.size) < max(_GAIN_STEADY, _MASS_SURE * gain.std_error)
+    holds = fit.nrmse_second_half < _HALVES_AGREE * fit.nrmse_first_half
+    sure = found.value is not None and found.std_error and found.value > _MASS_SURE * found.std_error
+    return bool(sure and steady and holds)
 
 
 def follow(

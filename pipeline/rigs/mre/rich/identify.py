@@ -9,7 +9,7 @@ from pipeline.findings import Findings, Quality, Run
 from pipeline.recording import Recording
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.mre.flux_levels import flux_levels
-from pipeline.rigs.mre.rich.agreement import agreement_of
+from pipeline.rigs.mre.rich.agreement import agreement_of, say_contradictions
 from pipeline.rigs.mre.rich.arrays import arrays_of
 from pipeline.rigs.mre.rich.declaration import RichSettings
 from pipeline.rigs.mre.rich.faults import say_faults
@@ -36,7 +36,7 @@ def identify(recordings: Sequence[Recording], settings: RichSettings, context: C
     fits = _fits(runs, recordings, settings)
     if not fits:
         raise InputError(nothing_usable(runs.left_out, recordings))
-    doubts = say_faults(runs, recordings, fits)
+    doubts = [*say_contradictions(fits), *say_faults(runs, recordings, fits)]
     points = operating_points(fits)
     agreement = agreement_of(fits)
     judgement = judge(runs, fits, doubts, agreement)

@@ -10,7 +10,7 @@ from pipeline.errors import InputError
 from pipeline.recording import Recording
 from pipeline.rigs.mre.rich.declaration import RichSettings
 from pipeline.rigs.mre.rich.online import Online
-from pipeline.rigs.mre.rich.online_verdict import judge_online
+from pipeline.rigs.mre.rich.online_verdict import CONVERGED, judge_online
 from pipeline.rigs.mre.shear.samples import number_of
 
 # What is shown: name, unit, how many of it one SI unit is.
@@ -23,6 +23,8 @@ _SHOWN = (
     ("c_bw", "", 1.0),
     ("n_bw", "", 1.0),
 )
+# While the log comes in there is no batch fit to hold the filter against, and a chirp may yet bring what it lacks.
+_SO_FAR = {CONVERGED: "steady so far"}
 _WIDTH = 15
 _FIELD = 0.25  # A, from which on the field may add viscous damping
 
@@ -54,7 +56,7 @@ class Live:
         )
         self._label, self._lag, self._cutoff = label, lag, settings.online_cutoff
         self.online: Online | None = None
-        self._until = 0.0
+        self._until = self._said = 0.0
 
     def heading(self) -> Sequence[str]:
         """Return the lines above the table."""
@@ -78,6 +80,7 @@ class Live:
 
     def say(self) -> str:
         """Return time, parameters with half their band, and the verdict so far."""
+        self._said = self._until
         if self.online is None or not self.online.history.time.size:
             return f"{self._until:7.1f}  collecting the first seconds of motion"
         middle, high = (self.online.history.band(width) for width in (0.0, 1.96))
@@ -85,7 +88,8 @@ class Live:
         for name, _, factor in _SHOWN:
             value, half = factor * middle[name][-1], factor * (high[name][-1] - middle[name][-1])
             cells += f"{_number(value, half):>{_WIDTH}}"
-        return f"{self._until:7.1f}{cells}  {judge_online(self.online).word}"
+        word = judge_online(self.online).word
+        return f"{self._until:7.1f}{cells}  {_SO_FAR.get(word, word)}"
 
     def finish(self) -> Sequence[str]:
         """Return the verdict on the whole record."""
@@ -98,7 +102,8 @@ class Live:
             if self.online.ahead.started
             else ""
         )
-        return [self.say(), f"{verdict.word}: {verdict.reason}{late}"]
+        last = [self.say()] if self._until > self._said else []
+        return [*last, f"{verdict.word}: {verdict.reason}{late}"]
 
 
 def _number(value: float, half: float) -> str:

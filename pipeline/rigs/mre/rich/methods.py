@@ -44,7 +44,7 @@ def _batch(findings: Findings) -> str:
         "the lag, so that variable projection (Golub and Pereyra 1973, Kaufman 1975) with analytic derivatives was used, from "
         f"{findings.settings.get('starts', 2)} starts on the liveliest part. With a field, k2 stands for k2 + k_MR and a viscous column gives s_MR. "
         f"A constant lag of the force {told}. Offset, mains lines and, where the data ask for it, a slow drift are fitted along. Standard errors allow for residuals "
-        "that are correlated in time (Newey and West 1987), over two and a half periods of the low-pass, and are no smaller than sixty stretches of the record scatter. The fit of the first half predicts the second, as a test. "
+        "that are correlated in time (Newey and West 1987), over two and a half periods of the low-pass, and are no smaller than sixty stretches of the record scatter. What a cubic of a sensor or of the pad, a gain that changes, or viscous damping without a field would find in the residual is held against the scatter of sixty stretches; what is seen is told, and widens the intervals by what it would shift. The fit of the first half predicts the second, as a test. "
         "Intervals hold 95 % and type A contributions only: gain errors of the sensors scale stiffness, damping and force and are not in them."
     )
 
@@ -62,5 +62,5 @@ def _online(findings: Findings) -> str:
         "shift; a causal low-pass on the displacement alone would distort the loop. It starts from a coarse grid of shapes on the first three seconds. "
         f"The variance of the measurement is annealed, R = {R_END:g} sigma^2 + R0 exp(-t/{R_FADES:g} s), R0 the larger of {R_START:g} sigma^2 and the square of {100 * R_START_SHARE:g} % of the "
         "force's amplitude, sigma the noise of the force from its third differences. The filter counts as converged where its innovations stay below 1.5 times the noise, "
-        "no parameter moves by more than 5 % in the last quarter, and it ends within 10 % of the batch fit."
+        "no parameter moves by more than 5 % in the last quarter, and it ends within 5 % of the batch fit."
     )

@@ -15,6 +15,7 @@ from pipeline.rigs.mre.rich.fits import RichFit
 from pipeline.rigs.mre.rich.online_verdict import ABSENT
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
+_FLOORS = {"c_bw": 0.5, "n_bw": 1.0, "k1": 0.0, "s1": 0.0, "alpha_bw": 0.0}
 _SUMS = {"k1_plus_k2": {"k1", "k2"}, "k2_plus_alpha_rho": {"k2", "alpha_bw", "rho"}}
 
 
@@ -64,13 +65,21 @@ def _parameter(estimate: Estimate, at: OperatingPoint, method: str, *, holds_fie
         symbol=spec.symbol,
         value=value,
         std_error=estimate.std_error if value is not None else None,
-        ci95=estimate.ci95 if value is not None else None,
+        ci95=_admissible(estimate) if value is not None else None,
         unit=spec.unit,
         at=at,
         description=description,
         source=spec.source,
         method=method,
     )
+
+
+def _admissible(estimate: Estimate) -> tuple[float, float] | None:
+    """Return the interval without what the model does not admit."""
+    if estimate.ci95 is None:
+        return None
+    floor = _FLOORS.get(estimate.name, -math.inf)
+    return max(estimate.ci95[0], floor), max(estimate.ci95[1], floor)
 
 
 def models_of(fits: Sequence[RichFit]) -> list[ModelResult]:

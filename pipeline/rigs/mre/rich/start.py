@@ -20,7 +20,7 @@ _C, _N = 1.0, 1.8
 _TAU, _RHO = (0.25, 0.5, 1.0), (1.0, 2.0, 4.0)
 _LEAST = 0.05  # of the stiffness, that each of the parts gets at least
 _LAG_SD = 5e-5  # s
-_VISCOUS = 0.25  # of the damping as a whole, that the field may add
+_VISCOUS = 0.1  # of the damping as a whole, that the field may add
 
 
 def steps_to_start_from(steps: Steps) -> int:

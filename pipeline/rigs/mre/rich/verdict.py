@@ -1,6 +1,6 @@
 """The verdict on rich records, with its reasons and what to measure next.
 
-rejected  the model misses a fifth of the force of a record, or has an impossible sign.
+rejected  the model misses more than 5 % of the force of a record, and noise does not explain it, or has an impossible sign.
 warning   something is not determined, at a bound, left out or doubted, or records contradict the assumption that only
           k_MR and s_MR depend on the current (which leaves each record's own numbers untouched, so it is told only).
 ok        none of these. The online filter never changes the verdict: nothing is reported from it.
@@ -12,16 +12,19 @@ from collections.abc import Sequence
 
 from pipeline.errors import listing
 from pipeline.rigs.mre.judgement import Judgement
-from pipeline.rigs.mre.rich.agreement import Agreement
+from pipeline.rigs.mre.rich.agreement import say_gain
+from pipeline.rigs.mre.rich.comparison import Comparison, symbol
 from pipeline.rigs.mre.rich.excitation import advice_for
 from pipeline.rigs.mre.rich.fits import RichFit
+from pipeline.rigs.mre.rich.noise import expected_residual
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
 from pipeline.rigs.mre.shear.verdict import PREDICTION_REJECTED, PREDICTION_WARNED
 
 _TOLD = 4
+_NOISE_EXPLAINS = 3.0  # times what the sensors' noise leaves
 
 
-def judge(runs: SortedRuns, fits: Sequence[RichFit], doubts: Sequence[str], agreement: Agreement | None) -> Judgement:
+def judge(runs: SortedRuns, fits: Sequence[RichFit], doubts: Sequence[str], agreement: Comparison | None) -> Judgement:
     """Weigh what was found."""
     said = Judgement()
     for fit in fits:
@@ -33,9 +36,12 @@ def judge(runs: SortedRuns, fits: Sequence[RichFit], doubts: Sequence[str], agre
         said.warn(f"{len(left) - _TOLD} more runs are left out: {listing((run for run, _ in left[_TOLD:]), 8)}.")
     for doubt in doubts:
         said.warn(doubt)
-    if agreement is not None and not agreement.agrees:
+    gain = say_gain(agreement)
+    if gain:
+        said.warn(gain)
+    elif agreement is not None and not agreement.agrees:
         said.reasons.append(
-            f"{', '.join(agreement.names)} differ between the currents beyond chance (chi2 {agreement.chi2:.3g} for "
+            f"{listing(map(symbol, agreement.apart), 6)} differ between the currents beyond chance (chi2 {agreement.chi2:.3g} for "
             f"{agreement.dof}, p {agreement.p_value:.2g}): the field changes more than k_MR and s_MR. Each record's own numbers hold."
         )
     said.advice = list(dict.fromkeys(said.advice))
@@ -49,7 +55,8 @@ def _record(said: Judgement, fit: RichFit) -> None:
         f"Run {fit.run}: fitted to the first half of the record the model predicts the second half to within {100 * share:.3g} % "
         f"of the force (rms); the first half itself is met to {100 * batch.nrmse_first_half:.3g} %."
     )
-    if not share < PREDICTION_REJECTED and not batch.nrmse < PREDICTION_WARNED:
+    unexplained = batch.rms_residual > _NOISE_EXPLAINS * expected_residual(fit)
+    if batch.nrmse > PREDICTION_WARNED and (unexplained or not share < PREDICTION_REJECTED):
         said.reject(f"{sentence} The model does not describe this device.")
         return
     if share > PREDICTION_WARNED or share > 2 * batch.nrmse_first_half:

@@ -25,14 +25,16 @@ class RecordFits:
     linear: list[LinearEquivalent] = field(default_factory=list)
 
 
-def fit_all_records(runs: SortedRuns, settings: ShearSettings, options: FitOptions) -> RecordFits:
-    """Fit records without a period, one current after the other."""
+def fit_all_records(
+    runs: SortedRuns, settings: ShearSettings, options: FitOptions, viscous: bool | None = None
+) -> RecordFits:
+    """Fit records without a period, one current after the other; `viscous` as in `TimeOptions`, None: with a field."""
     labels, levels = group_levels([usable.current for usable in runs.records], settings.current_tolerance)
     found = RecordFits()
     for level in range(len(levels)):
         members = [usable for usable, label in zip(runs.records, labels, strict=True) if label == level]
         records = [_record(usable) for usable in members]
-        fit = fit_records(records, _time_options(settings, options, members))
+        fit = fit_records(records, _time_options(settings, options, members, viscous))
         equivalents = [linear_equivalent(record, settings.cutoff) for record in records]
         linear = [e for e in equivalents if e is not None and e.nrmse < _no_worse_than(fit, e.run)]
         found.fits.append(_of_linear_device(fit) if len(linear) == len(records) else fit)
@@ -74,10 +76,12 @@ def _record(usable: UsableRun) -> Record:
     return Record(usable.run, series.time, series.x, series.F, usable.current, series.counts)
 
 
-def _time_options(settings: ShearSettings, options: FitOptions, members: list[UsableRun]) -> TimeOptions:
+def _time_options(
+    settings: ShearSettings, options: FitOptions, members: list[UsableRun], viscous: bool | None
+) -> TimeOptions:
     return TimeOptions(
         cutoff=settings.cutoff,
-        viscous=bool(members[0].current),
+        viscous=bool(members[0].current) if viscous is None else viscous,
         fit_lag=options.fit_lag,
         force_lag=options.force_lag,
         fit_mass=options.fit_mass,

@@ -108,7 +108,9 @@ def _softening(runs: SortedRuns) -> list[str]:
     return [doubt]
 
 
-def say_faults_of_records(runs: SortedRuns, fits: Sequence[TimeFit]) -> list[str]:
+def say_faults_of_records(
+    runs: SortedRuns, fits: Sequence[TimeFit], intervals: str = "Intervals do not hold this"
+) -> list[str]:
     """Say what the fits of records without a period show; return what casts doubt on the numbers."""
     doubts = []
     for fit in fits:
@@ -125,11 +127,12 @@ def say_faults_of_records(runs: SortedRuns, fits: Sequence[TimeFit]) -> list[str
                 runs.say("warning", run, f"{told}: a sensor's zero, or temperature. It is taken out.", "force")
             if drift > _DRIFT_DOUBTED * size:
                 doubts.append(f"In run {run} {told}. It is taken out, but what drifts may change its gain too.")
-        for run, (change, sd) in fit.gain_change.items():
-            if abs(change) > max(_SOFTENING_SAID, _SOFTENING_SURE * sd):
+        for run, found in fit.gain_change.items():
+            change = found.size
+            if abs(change) > max(_SOFTENING_SAID, _SOFTENING_SURE * found.std_error):
                 doubt = (
                     f"The force of run {run} changes by {100 * change:+.2g} % from start to end against the model: heating, "
-                    "softening, slip, or a gain that fades. Intervals do not hold this."
+                    f"softening, slip, or a gain that fades. {intervals}."
                 )
                 runs.say("warning", run, doubt, "force")
                 doubts.append(doubt)
