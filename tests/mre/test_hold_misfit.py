@@ -90,3 +90,18 @@ def test_a_force_in_steps_of_five_newton_tells_no_relaxation_of_its_own() -> Non
     coarse = changed(log(force_noise=0.3), "force_axial", lambda _t, x: 5 * np.round(x / 5))
     p = hold([coarse]).one("relaxation")
     assert p.ci95 is None or p.ci95[0] < 0.02 < p.ci95[1]
+
+
+def test_repeats_that_differ_are_named_and_those_that_agree_are_not() -> None:
+    from dataclasses import replace
+
+    first = log(1)
+    other = replace(log(2, force_initial=230.0, force_gain=0.6), run="b", conditions={**first.conditions})
+    assert said(hold([first, other]), "differ", "force at 0 A by 15 %")
+    assert not said(hold([first, replace(log(2), run="b")]), "differ")
+
+
+def test_a_soft_end_of_the_range_is_named() -> None:
+    rng = np.random.default_rng(1)
+    limited = changed(log(), "force_axial", lambda _t, x: np.minimum(x, 290) + 0.5 * rng.standard_normal(x.size))
+    assert said(hold([limited]), "range of the sensor")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,16 +10,14 @@ from pipeline.errors import counted, listing
 from pipeline.rigs.mre.doubts import Doubts
 from pipeline.rigs.mre.hold.analysis import Analysed, extra, relaxations_clash, without_relaxation
 from pipeline.rigs.mre.hold.blank import pole_pull
+from pipeline.rigs.mre.hold.law_faults import judge_course, judge_limit, judge_misfit, judge_soft_limit, plain
 
 # Axial stress on a pad beyond which a unit is suspected, Pa.
 STRESS = (2e3, 2e7)
 _PRELOAD = 0.3  # relative, force at 0 A against the preload told
 _LARGEST_R = 0.1  # per decade
 _SURE = 4.0  # standard errors
-_REPEAT = 0.03  # relative, by which repeats may differ
 _SMALL = 2e-3  # of F0: what is below is no doubt
-_MISFIT = 0.01
-_PLATEAU, _QUIET, _FEW = 0.05, 0.7, 4  # of the range that counts as its top; noise there over that below; holds
 
 
 def judge_force(found: Analysed, doubts: Doubts, *, alone: bool = False) -> bool:
@@ -37,9 +34,9 @@ def judge_force(found: Analysed, doubts: Doubts, *, alone: bool = False) -> bool
             "the force falls as the current rises: the poles pull against the load cell, or the gap opens. The law's gain is negative.",
             "Run a blank test with a rigid spacer; check the sign of the force.",
         )
-    _soft_limit(found, doubts)
+    judge_soft_limit(found, doubts)
     if not alone:
-        _limit(found, doubts)
+        judge_limit(found, doubts)
         _rest(found, doubts)
     _relaxation(found, doubts)
     if float(found.rows.current.min()) > max(0.1, 0.03 * float(found.rows.current.max())):
@@ -78,11 +75,6 @@ def judge_force(found: Analysed, doubts: Doubts, *, alone: bool = False) -> bool
     return True
 
 
-def plain(x: float) -> str:
-    """Return a number with two digits and no exponent as long as it has less than six places."""
-    return f"{float(f'{x:.2g}'):g}"
-
-
 def _wrong_unit(found: Analysed, doubts: Doubts) -> bool:
     """Tell whether the force's unit is wrong, and say so."""
     F0, conditions = found.fit.F0, found.record.recording.conditions
@@ -114,49 +106,6 @@ def _wrong_unit(found: Analysed, doubts: Doubts) -> bool:
     return False
 
 
-def _limit(found: Analysed, doubts: Doubts) -> None:
-    state = found.saturation.state
-    if found.misfit.costs_law:
-        return
-    top = float(found.saturation.fit.rows.current.max())
-    if state != "seen":
-        word = "has begun but was not passed" if state == "begun" else "was not reached"
-        doubts.doubt(
-            found.run,
-            f"saturation {word} up to {top:.3g} A: the limit of the force, the saturation current and the sharpness are not determined. The "
-            "increments at the measured currents stand.",
-            f"Sweep on, to {1.4 * max(top, found.saturation.fit.I_s if state == 'begun' else top):.2g} A, if the coil allows.",
-        )
-        return
-    aicc = found.saturation.aicc
-    best = min(aicc, key=lambda name: aicc[name])
-    if aicc["S law"] > 10:
-        doubts.doubt(
-            found.run,
-            f"'{best}' describes the curve better than the S law (AICc {aicc['S law']:.3g} less): its parameters are those of a near fit.",
-        )
-
-
-def _soft_limit(found: Analysed, doubts: Doubts) -> None:
-    """Say where the noise of the force is smaller at its top than below: the end of a range, not of the pad."""
-    means = found.record.of("force_axial")
-    if means is None:
-        return
-    force, spread = means.mean[found.used], means.spread[found.used]
-    top = force > force.max() - _PLATEAU * float(np.ptp(force))
-    if top.sum() < _FEW or (~top).sum() < _FEW:
-        return
-    quiet, usual = float(np.median(spread[top])), float(np.median(spread[~top]))
-    if quiet < _QUIET * usual and float(spread[top].max()) < float(np.quantile(spread[~top], 0.25)):
-        doubts.doubt(
-            found.run,
-            f"the noise of the force is {quiet:.2g} N near its top of {force.max():.4g} N and {usual:.2g} N below: a range of the sensor or amplifier seems to end there, and the "
-            "limit that is found may be that of the sensor and not of the pad.",
-            "Repeat with a larger range of the force sensor.",
-            "force_axial",
-        )
-
-
 def _relaxation(found: Analysed, doubts: Doubts) -> None:
     fit = found.fit
     sd = fit.sd({"r": 1.0})
@@ -185,7 +134,7 @@ def _rest(found: Analysed, doubts: Doubts) -> None:
     """Look into what the law leaves: drift, difference of the directions, scatter, lone holds."""
     fit, record = found.fit, found.record
     F0 = abs(fit.F0)
-    _course(found, doubts)
+    judge_course(found, doubts)
     if record.both_ways:
         z = found.fit.rows.current / float(found.fit.rows.current.max())
         split = extra(found, record.direction[found.used] * z * (1 - z))
@@ -194,7 +143,7 @@ def _rest(found: Analysed, doubts: Doubts) -> None:
                 found.run,
                 f"force differs between the sweeps by up to {abs(split.size):.2g} N beside relaxation: hysteresis of the field or the pad.",
             )
-    _misfit(found, doubts)
+    judge_misfit(found, doubts)
     lone = found.saturation.fit.left_out
     if lone:
         numbers = np.flatnonzero(found.kept)[list(lone)]
@@ -204,73 +153,6 @@ def _rest(found: Analysed, doubts: Doubts) -> None:
             f"{counted(len(lone), 'hold')} far off the law {'was' if len(lone) == 1 else 'were'} left out: at {where}.",
             "Look there for a knock, a slip, or a lost cable.",
         )
-
-
-def _course(found: Analysed, doubts: Doubts) -> None:
-    """Say how the force goes with time beside relaxation from the start of the log."""
-    misfit, course = found.misfit, found.misfit.course
-    advice = (
-        "Tell with the condition 'gap_closed_for' how long the gap had been closed when the log began; note the force before and after with the pad unloaded, "
-        "to see a drift of the sensor."
-    )
-    if course.older is not None:
-        also = " A drift of the sensor would explain it as well." if course.also else ""
-        doubts.doubt(
-            found.run,
-            f"the force relaxes as if the gap had been closed some {course.older:.0f} s before the log began.{also} Increments are taken out with that; relaxation and the "
-            "force at 10 s are not told.",
-            advice,
-        )
-    elif misfit.drift:
-        told = "gap_closed_for" in found.record.recording.conditions
-        also = " A gap that was closed long before the log began would explain it about as well." if course.also else ""
-        doubts.doubt(
-            found.run,
-            f"the force drifts by {misfit.drift:.2g} N over the log beside relaxation: zero of the sensor, or temperature.{also} It is fitted beside the law"
-            f"{'.' if told else '; the relaxation is not told.'}",
-            advice,
-        )
-    elif course.unseen is not None:
-        doubts.note(
-            found.run,
-            f"a drift of the sensor of up to {course.unseen[0]:.2g} N over the log would not be seen; the relaxation would be off by up to {100 * course.unseen[1]:.2g} % a decade.",
-        )
-
-
-def _misfit(found: Analysed, doubts: Doubts) -> None:
-    """Say how the law misses the holds, or the holds one another, and what that costs."""
-    fit, misfit = found.fit, found.misfit
-    measured = misfit.levels is not None and bool(found.own_levels)
-    stead = "Increments are those of the holds, no law between them." if measured else "Increments are not told."
-    if misfit.pull:
-        way = "press" if misfit.pull > 0 else "pull against"
-        doubts.doubt(
-            found.run,
-            f"the law misses the holds by {misfit.missed:.2g} N (rms); with {abs(misfit.pull):.3g} N beside it that go with B^2 it fits: the poles {way} the load cell. "
-            "Limit, saturation current and increments of the pad are not told.",
-            "Run a blank test (a rigid non-magnetic spacer in place of the pad) to tell the pull of the poles.",
-        )
-    elif misfit.missed:
-        doubts.doubt(
-            found.run,
-            f"the holds scatter about the law by {misfit.missed:.2g} N (rms), more than they differ among themselves: the law is not that of this force, so limit, saturation "
-            f"current and sharpness are not told. {stead}",
-            "Look for the pull of the poles (blank test), a range of the load cell that ends, or a pad that slips.",
-        )
-    elif misfit.apart:
-        doubts.doubt(
-            found.run,
-            f"force differs between the sweeps by {misfit.apart:.2g} N (rms), level after level, beside relaxation: hysteresis of the field or the pad, heating, or a sensor that "
-            f"moves. Limit, saturation current, sharpness and relaxation are not told. {stead}",
-        )
-    else:
-        white = math.sqrt(float(np.median(fit.rows.white)))
-        if fit.scatter > max(3 * white, _MISFIT * float(np.ptp(fit.rows.force))):
-            doubts.doubt(
-                found.run,
-                f"the holds scatter by {fit.scatter:.2g} N about the law, {plain(fit.scatter / white)} times what their samples explain: the force jumps from hold to hold. The "
-                "intervals allow for it as chance.",
-            )
 
 
 def _one_way(found: Analysed, doubts: Doubts) -> None:
@@ -309,30 +191,3 @@ def _pull(found: Analysed, doubts: Doubts) -> None:
     advice = "Run a blank test (a rigid non-magnetic spacer in place of the pad) to tell the pull of the poles."
     if advice not in doubts.said.advice:
         doubts.said.advice.append(advice)
-
-
-def judge_repeats(analysed: Sequence[Analysed], doubts: Doubts) -> None:
-    """Say where several sweeps do not agree in the force at 0 A or in the increments."""
-    for number, first in enumerate(analysed):
-        for second in analysed[number + 1 :]:
-            told = _differences(first, second)
-            if told:
-                doubts.doubt(
-                    None,
-                    f"runs {first.run} and {second.run} differ: {listing(told)}. Each has numbers of its own; they are not repeats of one state.",
-                    "Check pad, gap, temperature and the order of the runs (Mullins effect); repeat the first run at the end.",
-                )
-
-
-def _differences(first: Analysed, second: Analysed) -> list[str]:
-    """Return in words how two runs differ beyond their errors and a few per cent."""
-    told = []
-    a, b = first.fit, second.fit
-    off, sd = b.F0 / a.F0 - 1, math.hypot(a.sd({"F0": 1.0}) / a.F0, b.sd({"F0": 1.0}) / b.F0)
-    if abs(off) > max(_REPEAT, _SURE * sd):
-        told.append(f"the force at 0 A by {100 * off:.2g} %")
-    top = min(float(a.rows.current.max()), float(b.rows.current.max()))
-    (one, one_sd), (two, two_sd) = a.increment(top), b.increment(top)
-    if one and abs(two / one - 1) > max(_REPEAT, _SURE * math.hypot(one_sd, two_sd) / abs(one)):
-        told.append(f"the increment at {top:.3g} A by {100 * (two / one - 1):.2g} %")
-    return told

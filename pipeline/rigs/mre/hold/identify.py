@@ -13,13 +13,14 @@ from pipeline.findings.findings import OperatingPoint
 from pipeline.recording import Recording
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.mre.doubts import Doubts
+from pipeline.rigs.mre.hold.agreement import judge_repeats
 from pipeline.rigs.mre.hold.analysis import Analysed, analyse
 from pipeline.rigs.mre.hold.arrays import arrays_of
 from pipeline.rigs.mre.hold.blank import Blank, blank_of
 from pipeline.rigs.mre.hold.declaration import PARAMETERS, HoldSettings
 from pipeline.rigs.mre.hold.field_faults import judge_field
 from pipeline.rigs.mre.hold.field_fit import FieldFit, fit_field
-from pipeline.rigs.mre.hold.force_faults import judge_force, judge_repeats
+from pipeline.rigs.mre.hold.force_faults import judge_force
 from pipeline.rigs.mre.hold.published import published
 from pipeline.rigs.mre.hold.record import Record, UnusableError, record_of
 from pipeline.rigs.mre.hold.record_faults import judge_record

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.rigs.mre.doubts import Doubts
 from pipeline.rigs.mre.hold.declaration import HoldSettings
-from pipeline.rigs.mre.hold.force_faults import plain
+from pipeline.rigs.mre.hold.law_faults import plain
 from pipeline.rigs.mre.hold.record import Record
 
 _SHORT, _LONG = 4.0, 1000.0  # s
