@@ -162,3 +162,9 @@ def test_hum_of_the_mains_is_named_and_taken_off() -> None:
         assert found.one("time_constant_2", direction=direction).value == pytest.approx(0.04, abs=8e-3)
     rippled = step([changed(log(), "current", lambda t, x: x + 0.2 * np.sin(2 * np.pi * 50 * t))])
     assert said(rippled, "ripple of 0.2 A at 50 Hz")
+
+
+def test_a_current_that_reads_exactly_zero_at_rest_is_not_clipped() -> None:
+    found = step([changed(log(), "current", lambda _t, x: np.where(x < 0.04, 0.0, x))])
+    assert found.one("delay", direction="rise").value == pytest.approx(0.02, abs=3e-3)
+    assert found.one("t90", direction="fall").value == pytest.approx(true_times(StepTruth(), rising=False)[1], abs=5e-3)

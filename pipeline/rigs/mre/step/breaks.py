@@ -54,8 +54,10 @@ def breaks_of(channel: str, time: np.ndarray, values: np.ndarray) -> tuple[list[
     >>> [(round(b.start, 3), round(b.stop, 3)) for b in breaks_of("force", t, noise)[0]]
     [(1.0, 1.049)]
     """
-    period = float(np.median(np.diff(time)))
-    gaps = np.flatnonzero(np.diff(time) > _LEAST * period)
+    apart = np.diff(time)
+    # Stamps may stand in batches.
+    period = max(float(np.median(apart)), float(np.median(apart[apart > 0])) if (apart > 0).any() else 0.0)
+    gaps = np.flatnonzero(apart > _LEAST * period)
     found = [Break(channel, float(time[k]), float(time[k + 1]), False) for k in gaps.tolist()]
     edges = np.flatnonzero(np.r_[True, values[1:] != values[:-1], True])
     lengths = np.diff(edges)

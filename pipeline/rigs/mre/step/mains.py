@@ -69,6 +69,8 @@ def hum_of(time: np.ndarray, values: np.ndarray, spans: Sequence[tuple[float, fl
     if t.size > 30_000:
         t, x = t[:30_000], x[:30_000]
     step, length = float(np.median(np.diff(t))), float(t[-1] - t[0])
+    if step <= 0:  # stamps that stand in batches tell no phase
+        return None
     best: Hum | None = None
     for grid in _GRIDS:
         if grid > 0.45 / step:
