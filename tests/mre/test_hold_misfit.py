@@ -104,4 +104,8 @@ def test_repeats_that_differ_are_named_and_those_that_agree_are_not() -> None:
 def test_a_soft_end_of_the_range_is_named() -> None:
     rng = np.random.default_rng(1)
     limited = changed(log(), "force_axial", lambda _t, x: np.minimum(x, 290) + 0.5 * rng.standard_normal(x.size))
-    assert said(hold([limited]), "range of the sensor")
+    found = hold([limited])
+    assert said(found, "range of the sensor")
+    assert found.one("saturation_current").value is None
+    assert found.one("force_increment", coil_current=6.0).value is None
+    assert found.one("force_increment", coil_current=2.0).value == pytest.approx(0.228, abs=0.005)

@@ -18,21 +18,29 @@ def plain(x: float) -> str:
     return f"{float(f'{x:.2g}'):g}"
 
 
-def judge_soft_limit(found: Analysed, doubts: Doubts) -> None:
-    """Say where the noise of the force is smaller at its top than below: the end of a range, not of the pad."""
+def soft_limit(found: Analysed) -> tuple[float, float, float] | None:
+    """Return where the range of the sensor seems to end, and its noise there and below, N: less noise at the top than under it."""
     means = found.record.of("force_axial")
-    if means is None:
-        return
+    if means is None or found.record.swept:
+        return None  # in a sweep the force itself moves within a stretch
     force, spread = means.mean[found.used], means.spread[found.used]
-    top = force > force.max() - _PLATEAU * float(np.ptp(force))
+    end = float(force.max()) - _PLATEAU * float(np.ptp(force))
+    top = force > end
     if top.sum() < _FEW or (~top).sum() < _FEW:
-        return
+        return None
     quiet, usual = float(np.median(spread[top])), float(np.median(spread[~top]))
-    if quiet < _QUIET * usual and float(np.quantile(spread[top], 0.75)) < float(np.quantile(spread[~top], 0.25)):
+    apart = float(np.quantile(spread[top], 0.75)) < float(np.quantile(spread[~top], 0.25))
+    return (end, quiet, usual) if quiet < _QUIET * usual and apart else None
+
+
+def judge_soft_limit(found: Analysed, doubts: Doubts) -> None:
+    """Say where the range of the sensor seems to end below the limit of the pad."""
+    soft = soft_limit(found)
+    if soft is not None:
         doubts.doubt(
             found.run,
-            f"the noise of the force is {quiet:.2g} N near its top of {force.max():.4g} N and {usual:.2g} N below: a range of the sensor or amplifier seems to end there, and the "
-            "limit that is found may be that of the sensor and not of the pad.",
+            f"the noise of the force is {soft[1]:.2g} N above {soft[0]:.3g} N and {soft[2]:.2g} N below: a range of the sensor or amplifier seems to end there. The limit that "
+            "is found is that of the sensor; limit, saturation current, sharpness and the increments there are not told.",
             "Repeat with a larger range of the force sensor.",
             "force_axial",
         )
@@ -41,7 +49,7 @@ def judge_soft_limit(found: Analysed, doubts: Doubts) -> None:
 def judge_limit(found: Analysed, doubts: Doubts) -> None:
     """Say where saturation was not passed, or another law describes the curve better."""
     state = found.saturation.state
-    if found.misfit.costs_law:
+    if found.misfit.costs_law or soft_limit(found) is not None:
         return
     top = float(found.saturation.fit.rows.current.max())
     if state != "seen":

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pipeline.estimation.estimate import Estimate, undetermined
 from pipeline.rigs.mre.hold.analysis import Analysed, relaxations_clash
+from pipeline.rigs.mre.hold.law_faults import soft_limit
 from pipeline.rigs.mre.hold.saturation import estimates_of, increments_of, measured_increments
+
+_NEAR_END = 0.02  # of F0: increments that near to the end of the sensor's range are not told
 
 
 def told_of(found: Analysed, gain_error: float, offset_error: float) -> list[Estimate]:
@@ -18,12 +21,22 @@ def told_of(found: Analysed, gain_error: float, offset_error: float) -> list[Est
         As in `estimates_of`.
     """
     misfit = found.misfit
-    costs = misfit.costs_law
+    soft = soft_limit(found)
+    costs = misfit.costs_law or ("the range of the force sensor seems to end" if soft is not None else "")
     told = estimates_of(found.saturation, gain_error, offset_error, misfit.levels, costs, relaxation_open(found))
     if misfit.course.older is not None:
         reason = "the force at 10 s after the gap was closed lies before the log, and when that was is not told (condition 'gap_closed_for')"
         told = [undetermined(e.name, reason) if e.name == "force_initial" else e for e in told]
-    return told + _increments(found, costs)
+    increments = _increments(found, costs)
+    if soft is not None:
+        end = soft[0] / found.fit.F0 - 1
+        increments = [
+            undetermined(e.name, "the range of the force sensor seems to end there", e.at)
+            if e.value is not None and e.value > end - _NEAR_END
+            else e
+            for e in increments
+        ]
+    return told + increments
 
 
 def relaxation_open(found: Analysed) -> str:
