@@ -168,3 +168,9 @@ def test_a_current_that_reads_exactly_zero_at_rest_is_not_clipped() -> None:
     found = step([changed(log(), "current", lambda _t, x: np.where(x < 0.04, 0.0, x))])
     assert found.one("delay", direction="rise").value == pytest.approx(0.02, abs=3e-3)
     assert found.one("t90", direction="fall").value == pytest.approx(true_times(StepTruth(), rising=False)[1], abs=5e-3)
+
+
+def test_a_log_without_any_noise_is_read_to_the_truth() -> None:
+    found = step([log(rate=1000.0, force_noise=0.0, current_noise=0.0)])
+    for direction, tau1 in (("rise", 0.1), ("fall", 0.45)):
+        assert found.one("time_constant_1", direction=direction).value == pytest.approx(tau1, rel=0.01)

@@ -66,6 +66,8 @@ def breaks_of(channel: str, time: np.ndarray, values: np.ndarray) -> tuple[list[
     still = np.zeros(time.size, dtype=bool)
     for k in np.flatnonzero(lengths > max(_FEWEST_EQUAL, _RUNS * usual)).tolist():
         a, b = int(edges[k]), int(edges[k + 1])
+        if channel == "current" and values[a] in (values.min(), values.max()):
+            continue  # a level without noise, as 0 A of a sensor that clips there
         if usual > 1 and b - a < 30 * usual:  # a coarse converter: such runs come by chance
             continue
         still[a + 1 : b] = True

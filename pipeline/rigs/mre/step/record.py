@@ -27,6 +27,7 @@ _MOST_ROWS, _MOST_POINTS = 20_000, 60_000
 _FEWEST = 30
 _LARGEST = 200.0  # A, of any such coil
 _RIPPLE = 0.01  # of the range of the current
+_SMOOTH = 1e-7  # of the range: the bend from sample to sample of a log without noise
 _BOTH = 0.1  # of the largest current: what is negative beyond is no noise
 _QUICK = 6e-3  # s, samples that are closer show how a coil's current rises
 DIRECTIONS = ("rise", "fall")
@@ -268,6 +269,9 @@ def _refuse_clipped(
 ) -> None:
     for name, unit, t, x in (("force_axial", "N", time, force), ("the current", "A", own, current)):
         holds = [x[(t >= h.start) & (t < h.stop)] for h in stairs.holds]
+        bends = [float(np.median(np.abs(np.diff(values, 2)))) for values in holds if values.size > 8]
+        if bends and max(bends) < _SMOOTH * float(np.ptp(x)):  # no noise in any hold: equal samples mean nothing
+            continue
         clipped, stuck = clipped_or_stuck(holds, x)
         if unit == "A":  # a sensor that reads 0 where no current flows has lost nothing
             flows = np.array([abs(h.level) > _SAME * float(np.ptp(x)) for h in stairs.holds])
