@@ -52,7 +52,7 @@ def logged(number, **more):
     return record_of(recording)
 
 
-@pytest.mark.parametrize("number", range(60))
+@pytest.mark.parametrize("number", range(16))
 def test_boards_on_one_clock_are_never_moved(number):
     plain = logged(number)
     moved, clocks = align(plain)
@@ -68,7 +68,7 @@ def test_brake_that_comes_on_slowly_is_no_shift(rise):
 
 
 @pytest.mark.parametrize("shift", [-9.0, 0.07, 0.3])
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(3))
 def test_true_shift_that_is_applied_is_right_within_its_error(number, shift):
     plain = logged(number)
     _, clocks = align(replace(plain, encoder=plain.encoder.on_clock(-shift)))
@@ -79,7 +79,7 @@ def test_true_shift_that_is_applied_is_right_within_its_error(number, shift):
         assert clocks.problems
 
 
-@pytest.mark.parametrize("shift", [0.05, 0.07, 0.3, 3.0, -9.0])
+@pytest.mark.parametrize("shift", [0.05, 0.3, -9.0])
 @pytest.mark.parametrize("rpm", [120.0, 210.0])
 def test_shift_of_the_rig_is_applied(rpm, shift):
     (recording,) = synthesize({"speeds": [rpm * RPM], "vibration": False, "brake_rise": 0.4}, 7)

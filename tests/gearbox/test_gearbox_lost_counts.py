@@ -37,7 +37,7 @@ def frozen(record, start, duration, lost):
 
 
 @pytest.mark.parametrize("lost", [False, True], ids=["catches up", "lost"])
-@pytest.mark.parametrize("duration", [0.09, 0.15, 0.3])
+@pytest.mark.parametrize("duration", [0.09, 0.3])
 @pytest.mark.parametrize("start", PLACES)
 def test_a_frozen_counter_is_named_with_its_times_and_never_a_stop_or_stall(start, duration, lost):
     found = segment(align(frozen(run(), start, duration, lost))[0])
@@ -50,7 +50,7 @@ def test_a_frozen_counter_is_named_with_its_times_and_never_a_stop_or_stall(star
         assert problem.span[1] == pytest.approx(start + duration, abs=0.03)
 
 
-@pytest.mark.parametrize("decoding", [1, 2, 4])
+@pytest.mark.parametrize("decoding", [1, 4])
 @pytest.mark.parametrize("rpm", [60.0, 210.0])
 def test_coarse_and_fast_counters_that_freeze_leave_the_sequence(rpm, decoding):
     rng = np.random.default_rng(int(rpm) + decoding)
@@ -65,8 +65,8 @@ def test_coarse_and_fast_counters_that_freeze_leave_the_sequence(rpm, decoding):
             )
 
 
-@pytest.mark.parametrize("rate", [10.0, 30.0, 60.0, 125.0, 1000.0])
-@pytest.mark.parametrize("rpm", [60.0, 120.0, 240.0])
+@pytest.mark.parametrize("rate", [10.0, 60.0, 1000.0])
+@pytest.mark.parametrize("rpm", [60.0, 240.0])
 def test_sound_counters_of_any_rate_have_no_dropout(rpm, rate):
     assert not counts_of(run(rpm, 1, encoder_rate=rate)).problems
     assert segment(run(rpm, 1, encoder_rate=rate)).names == CYCLE
