@@ -2,7 +2,7 @@
 
     python -m benchmarks.coverage_mre_step [SEEDS] [--case standard] [--first 0]
 
-A set-point in place of the measured current has no case: delay and time constants then hold the coil, as the findings say.
+A set-point in place of the measured current has no case: delay and second lag are withheld then, as the findings say.
 """
 
 from __future__ import annotations
