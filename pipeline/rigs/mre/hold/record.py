@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.errors import counted, listing
-from pipeline.recording import QualityFinding, Recording
+from pipeline.recording import Level, QualityFinding, Recording
 from pipeline.rigs.mre.current_levels import HOLD_DRIFT, Hold, Staircase, finest_holds_of, levels_told, without_ramps
 from pipeline.rigs.mre.hold.repeats import clipped_or_stuck
 from pipeline.rigs.mre.hold.samples import FEWEST, Creep, Means, creep_of, log_times, means_of, still_settling
@@ -98,8 +98,8 @@ def record_of(recording: Recording, settle: float) -> Record:
     """
     findings: list[QualityFinding] = []
 
-    def say(level: str, channel: str | None, message: str) -> None:
-        findings.append(QualityFinding(level, message, recording.run, channel))  # type: ignore[arg-type]
+    def say(level: Level, channel: str | None, message: str) -> None:
+        findings.append(QualityFinding(level, message, recording.run, channel))
 
     start = min(float(stream.time[0]) for stream in recording.streams.values() if stream.time.size)
     time, current = recording.signal("current")
@@ -184,7 +184,7 @@ def _refuse_one_level(current: np.ndarray, stairs: Staircase) -> None:
         )
 
 
-def _current(recording: Recording, values: np.ndarray, say: Callable[[str, str | None, str], None]) -> np.ndarray:
+def _current(recording: Recording, values: np.ndarray, say: Callable[[Level, str | None, str], None]) -> np.ndarray:
     """Return the current with its usual sign positive; the same array where it is.
 
     Raises
@@ -232,7 +232,7 @@ def _mistaken(recording: Recording) -> str:
 
 
 def _holds(
-    time: np.ndarray, current: np.ndarray, stairs: Staircase, say: Callable[[str, str | None, str], None]
+    time: np.ndarray, current: np.ndarray, stairs: Staircase, say: Callable[[Level, str | None, str], None]
 ) -> tuple[tuple[Hold, ...], bool]:
     """Return the holds, or the blocks of a continuous sweep and True."""
     still = _without_frozen(time, current, without_ramps(stairs.holds), say)
@@ -265,7 +265,7 @@ def _holds(
 
 
 def _without_frozen(
-    time: np.ndarray, current: np.ndarray, holds: Sequence[Hold], say: Callable[[str, str | None, str], None]
+    time: np.ndarray, current: np.ndarray, holds: Sequence[Hold], say: Callable[[Level, str | None, str], None]
 ) -> tuple[Hold, ...]:
     """Return the holds in which the measured current was alive: where it varies elsewhere, none repeats one value."""
     inside = [current[(time >= hold.start) & (time < hold.stop) & np.isfinite(current)] for hold in holds]
@@ -295,7 +295,7 @@ def _refuse_dead(
     channels: dict[str, Means],
     signal: tuple[np.ndarray, np.ndarray],
     windows: Sequence[tuple[float, float]],
-    say: Callable[[str, str | None, str], None],
+    say: Callable[[Level, str | None, str], None],
 ) -> np.ndarray:
     """Drop a dead channel and the holds in which one is clipped or stuck; return the latter, shape (H,)."""
     time, values = signal

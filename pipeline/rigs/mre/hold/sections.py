@@ -16,6 +16,7 @@ from pipeline.findings.figures import (
     Figure,
     Line,
     Mark,
+    Mood,
     Panel,
     Points,
     Rule,
@@ -31,6 +32,8 @@ CURRENT, FORCE, TIME = Axis("coil current", "A"), Axis("axial force", "N"), Axis
 _WAYS = ((1, "current rising"), (-1, "current falling"))
 _RUNS = 6
 _APART = 0.08  # A between the sweeps in a panel of residuals
+
+_MOODS: dict[str, Mood] = {"seen": "ok", "begun": "warning", "not reached": "warning"}
 
 
 def sections(findings: Findings) -> Sequence[Section]:
@@ -152,7 +155,7 @@ def _time_figure(findings: Findings, run: str, own: pd.DataFrame, name: str) -> 
 
 
 def _saturation_table(findings: Findings, state: dict[str, object], name: str) -> Table:
-    mood = {"seen": "ok", "begun": "warning", "not reached": "warning"}[str(state["state"])]
+    mood = _MOODS[str(state["state"])]
     least = min((m.aicc for m in findings.models if m.aicc is not None), default=0.0)
     run = str(state["run"])
     rows: list[list[Cell]] = []
@@ -161,7 +164,7 @@ def _saturation_table(findings: Findings, state: dict[str, object], name: str) -
             continue
         own = [m.aicc for m in findings.models if m.family == model.family and m.aicc is not None]
         least = min(own, default=0.0)
-        chosen = Status(f"parameters; saturation {state['state']}", mood) if model.selected else ""  # type: ignore[arg-type]
+        chosen = Status(f"parameters; saturation {state['state']}", mood) if model.selected else ""
         rows.append(
             [
                 model.name.removeprefix(f"{run}: "),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -34,8 +34,8 @@ def arrays_of(fits: Sequence[RichFit], agreement: Comparison | None, flux: pd.Da
     return {name: table for name, table in tables.items() if len(table)}
 
 
-def _joined(parts: object) -> pd.DataFrame:
-    kept = [part for part in parts if len(part)]  # type: ignore[attr-defined]
+def _joined(parts: Iterable[pd.DataFrame]) -> pd.DataFrame:
+    kept = [part for part in parts if len(part)]
     return pd.concat(kept, ignore_index=True) if kept else pd.DataFrame()
 
 
@@ -104,8 +104,8 @@ def _side_by_side(fit: RichFit) -> list[dict[str, float | str | None]]:
         and fit.verdict.word != ABSENT
         and fit.online.history.time.size
     ):
-        bands = [fit.online.history.band(width) for width in (0.0, -1.96, 1.96)]
-        ends = {name: tuple(float(band[name][-1]) for band in bands) for name in bands[0]}  # type: ignore[misc]
+        middle, lower, upper = (fit.online.history.band(width) for width in (0.0, -1.96, 1.96))
+        ends = {name: (float(middle[name][-1]), float(lower[name][-1]), float(upper[name][-1])) for name in middle}
     rows: list[dict[str, float | str | None]] = []
     for e in fit.batch.estimates:
         if e.name not in (*TRACKED, "s_mr", "force_lag"):

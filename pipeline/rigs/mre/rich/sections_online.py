@@ -12,6 +12,7 @@ from pipeline.findings.figures import (
     Figure,
     Line,
     Mark,
+    Mood,
     Panel,
     Rule,
     Status,
@@ -45,7 +46,7 @@ _TOLD = {
     "s_mr": ("N s/m", 1.0),
     "force_lag": ("us", 1e6),
 }
-_MOODS = {"converged": "ok", "not converged": "warning", "diverged": "rejected", "no filter": "unsaid"}
+_MOODS: dict[str, Mood] = {"converged": "ok", "not converged": "warning", "diverged": "rejected", "no filter": "unsaid"}
 # The scale of a panel ends at so many times the value that the batch fit gives.
 _CLIP = 2.5
 
@@ -81,7 +82,7 @@ def _verdicts(findings: Findings) -> Table:
         rows.append(
             [
                 str(row["run"]),
-                Status(word, _MOODS.get(word, "unsaid")),  # type: ignore[arg-type]
+                Status(word, _MOODS.get(word, "unsaid")),
                 row["innovation"] if np.isfinite(row["innovation"]) else None,
                 row["noise"] if np.isfinite(row["noise"]) else None,
                 str(row["online_reason"]),

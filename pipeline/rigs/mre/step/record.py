@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.errors import counted
-from pipeline.recording import QualityFinding, Recording
+from pipeline.recording import Level, QualityFinding, Recording
 from pipeline.rigs.mre.current_levels import Hold, Staircase, holds_of
 from pipeline.rigs.mre.hold.record import UnusableError
 from pipeline.rigs.mre.hold.repeats import clipped_or_stuck, lone_spikes
@@ -99,8 +99,8 @@ def record_of(recording: Recording) -> Record:
     """
     findings: list[QualityFinding] = []
 
-    def say(level: str, channel: str | None, message: str) -> None:
-        findings.append(QualityFinding(level, message, recording.run, channel))  # type: ignore[arg-type]
+    def say(level: Level, channel: str | None, message: str) -> None:
+        findings.append(QualityFinding(level, message, recording.run, channel))
 
     begin = min(float(stream.time[0]) for stream in recording.streams.values() if stream.time.size)
     time, force = _force(recording, begin, say)
@@ -190,7 +190,7 @@ def record_of(recording: Recording) -> Record:
 
 
 def _force(
-    recording: Recording, begin: float, say: Callable[[str, str | None, str], None]
+    recording: Recording, begin: float, say: Callable[[Level, str | None, str], None]
 ) -> tuple[np.ndarray, np.ndarray]:
     time, F = recording.signal("force_axial")
     valid = np.isfinite(F)
