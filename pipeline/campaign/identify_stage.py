@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,8 +27,20 @@ _TOLD = 3  # logs left out that are told with their reasons
 _ORDER = {"error": 0, "warning": 1, "note": 2}
 
 
-def identify(campaign: str, recipe: Recipe, ingested: Ingested, uses: Mapping[str, Findings], folder: Path) -> Findings:
+def identify(
+    campaign: str,
+    recipe: Recipe,
+    ingested: Ingested,
+    uses: Mapping[str, Findings],
+    folder: Path,
+    progress: Callable[[float, str], None] = lambda _share, _what: None,
+) -> Findings:
     """Identify one campaign and write its findings into `folder`.
+
+    Parameters
+    ----------
+    progress
+        Is told how much is done, from 0 to 1, and what is being done; see `Context`.
 
     Raises
     ------
@@ -37,7 +49,7 @@ def identify(campaign: str, recipe: Recipe, ingested: Ingested, uses: Mapping[st
     """
     recordings = ingested.recordings()
     told = [_told(recording) for recording in recordings]
-    found = recipe.experiment.identify(recordings, recipe.settings, Context(campaign, uses))
+    found = recipe.experiment.identify(recordings, recipe.settings, Context(campaign, uses, progress))
     noticed = [*ingested.quality, *(finding for entry in told for finding in entry.quality)]
     quality = _merged([*(_quality(finding) for finding in noticed), *found.quality])
     runs = _runs(told, found, ingested)
@@ -81,7 +93,7 @@ def _told(recording: Recording) -> _Told:
         files=[source.path for source in recording.provenance.files],
         sha256=[source.sha256 for source in recording.provenance.files],
         duration=max((stream.duration for stream in recording.streams.values()), default=0.0),
-        n_samples=sum(stream.time.size for stream in recording.streams.values()),
+        n_samples=sum(stream.size for stream in recording.streams.values()),
         repairs=list(recording.provenance.repairs),
     )
     return _Told(run, _of_run(recording))

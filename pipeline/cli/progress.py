@@ -5,23 +5,51 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 
 @contextmanager
-def progress(what: str, total: int | None) -> Iterator[Callable[[str], None]]:
-    """Yield a function to call with the name of each part that is done; `total` None for work of unknown length."""
+def progress(what: str, total: int) -> Iterator[Callable[[str], None]]:
+    """Yield a function to call with the name of each of the `total` parts that is done."""
     if not sys.stderr.isatty():
         yield lambda _name: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TimeElapsedColumn
 
-    parts = [SpinnerColumn(), TextColumn("{task.description}")]
-    counted = [BarColumn(), MofNCompleteColumn()] if total is not None else []
-    with Progress(*parts, *counted, TimeElapsedColumn(), console=Console(stderr=True), transient=True) as bar:
+    with _shown() as bar:
+        bar.columns = (*bar.columns, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         task = bar.add_task(what, total=total)
+        yield lambda name: bar.update(task, advance=1, description=f"{what} {name}")
 
-        def step(name: str) -> None:
-            bar.update(task, advance=1, description=f"{what} {name}")
 
-        yield step
+@contextmanager
+def share_done(what: str) -> Iterator[Callable[[float, str], None]]:
+    """Yield a function to call with the share of the work that is done, from 0 to 1, and with what is being done.
+
+    Until it is called there is a turning sign only: work whose length nobody tells.
+    """
+    if not sys.stderr.isatty():
+        yield lambda _share, _part: None
+        return
+    from rich.progress import BarColumn, TaskProgressColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    with _shown() as bar:
+        bar.columns = signs = (*bar.columns, TimeElapsedColumn())
+        task = bar.add_task(what, total=None)
+
+        def tell(share: float, part: str) -> None:
+            bar.columns = (*signs[:-1], BarColumn(), TaskProgressColumn(), signs[-1], TimeRemainingColumn())
+            bar.update(task, total=1.0, completed=min(share, 1.0), description=f"{what} {part}")
+
+        yield tell
+
+
+def _shown() -> Progress:
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn
+
+    parts = (SpinnerColumn(), TextColumn("{task.description}"))
+    return Progress(*parts, console=Console(stderr=True), transient=True)

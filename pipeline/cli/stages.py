@@ -13,7 +13,7 @@ from pipeline.campaign import identify_stage, ingest_stage, ingested, logs, repo
 from pipeline.campaign.project import Campaign, Project
 from pipeline.campaign.recipe import Recipe, load
 from pipeline.cli import replaying
-from pipeline.cli.progress import progress
+from pipeline.cli.progress import progress, share_done
 from pipeline.errors import InputError
 from pipeline.findings import Findings
 from pipeline.findings import storage as findings_storage
@@ -56,7 +56,8 @@ def run(
             )
         if replay is not None:
             replaying.play(experiment, recipe.settings, ingested.recordings(), replay)
-        findings = identify_stage.identify(name, recipe, ingested, handed, fresh)
+        with share_done("identify") as tell:
+            findings = identify_stage.identify(name, recipe, ingested, handed, fresh, tell)
         page = report_stage.report(findings, experiment, recipe.title, command, fresh)
     page = out / page.name
     return _told(findings, page)
@@ -110,13 +111,14 @@ def identify(name: str) -> int:
     """Identify a campaign from its recordings."""
     campaign, recipe = _campaign(name)
     used = {other: _findings_of(other, campaign) for other in recipe.uses}
-    with progress("identify", None):
+    with share_done("identify") as tell:
         findings = identify_stage.identify(
             name,
             recipe,
             ingested.load(campaign.recordings),
             identify_stage.used_findings(used),
             campaign.results,
+            tell,
         )
     return _told(findings, None)
 

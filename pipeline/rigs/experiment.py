@@ -134,12 +134,21 @@ class Reference:
     note: str = ""
 
 
+def _untold(_share: float, _what: str) -> None:
+    """Tell nobody how far identification is."""
+
+
 @dataclass(frozen=True)
 class Context:
-    """What identification may know besides the recordings: the campaign's name, findings that it uses."""
+    """What identification may know besides the recordings: the campaign's name, findings that it uses.
+
+    ``progress(share, what)`` tells the user how much of the whole is done, from 0 to 1, and what is being done; an
+    experiment that takes seconds need not call it.
+    """
 
     campaign: str
     uses: Mapping[str, Findings]
+    progress: Callable[[float, str], None] = _untold
 
 
 @dataclass(frozen=True)
