@@ -225,7 +225,7 @@ def test_creeping_gears_show_a_mesh_line_while_locked():
     ({"runs": ["g9"]}, "g8"),
     ({"a": 1.2}, "transmit"),
     ({"J_L": 0.0}, "more than 0"),
-    ({"J_L": "heavy"}, "more than 0"),
+    ({"J_L": "heavy"}, "a number"),
     ({"noise": -1.0}, "0 or more"),
     ({"encoder_decoding": 3}, "1, 2 or 4"),
     ({"brakes": [[10, 20]]}, "capacity"),

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 from pipeline.errors import InputError, listing, nearest
 from pipeline.rigs.gearbox.model.teeth import teeth_of
+from pipeline.rigs.overridden import overridden
 
 RPM = 2.0 * math.pi / 60.0
 RUNS = {"g1": 60.0, "g2": 90.0, "g3": 120.0, "g4": 120.0, "g5": 150.0, "g6": 180.0, "g7": 210.0, "g8": 240.0}
@@ -167,18 +168,12 @@ def gearbox_truth(overrides: Mapping[str, Any]) -> GearboxTruth:
     InputError
         If a field, a fixture or a run is unknown (names the nearest), or a number makes no rig.
     """
-    known = {f.name for f in fields(GearboxTruth)}
-    for name in overrides:
-        if name not in known:
-            raise InputError(
-                f"the synthetic gearbox has no parameter '{name}'.{nearest(name, known)} It has {listing(sorted(known), 80)}."
-            )
     fixture = str(overrides.get("fixture", ""))
     if fixture and fixture not in FIXTURES:
         raise InputError(
             f"the synthetic gearbox has no fixture '{fixture}'.{nearest(fixture, FIXTURES)} It has {listing(FIXTURES)}."
         )
-    truth = replace(GearboxTruth(), **{**FIXTURES.get(fixture, {}), **dict(overrides)})
+    truth = overridden(GearboxTruth(), {**FIXTURES.get(fixture, {}), **overrides}, "synthetic gearbox")
     _checked(truth)
     return truth
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.errors import InputError, listing, nearest
+from pipeline.errors import InputError
 from pipeline.recording import Channel, Condition, Recording, Stream
+from pipeline.rigs.overridden import overridden
 
 if TYPE_CHECKING:
     from pipeline.rigs.mre.model.loop import Loop
@@ -115,18 +116,12 @@ def shear_truth(overrides: Mapping[str, Any]) -> ShearTruth:
     InputError
         If a name is unknown; names the nearest.
     """
-    known = {f.name for f in fields(ShearTruth)}
-    for name in overrides:
-        if name not in known:
-            raise InputError(
-                f"the synthetic MRE rig has no parameter '{name}'.{nearest(name, known)} It has {listing(known, 60)}."
-            )
     tables = {"k_mr", "s_mr", "alpha_mr", "preload_k_mr"}
     given: dict[str, Any] = {
         k: {float(i): float(v) for i, v in dict(value).items()} if k in tables else value
         for k, value in overrides.items()
     }
-    return replace(ShearTruth(), **given)
+    return overridden(ShearTruth(), given, "synthetic MRE rig")
 
 
 def shear_runs(truth: ShearTruth) -> list[ShearRun]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from pipeline.errors import InputError, listing, nearest
 from pipeline.recording import Channel, Condition, Recording, Stream
 from pipeline.rigs.mre.axial.loop import LoopModel, along_strokes
+from pipeline.rigs.overridden import overridden
 
 _TABLES = {"k", "k3", "alpha", "rho"}
 
@@ -89,17 +89,11 @@ def axial_truth(overrides: Mapping[str, Any]) -> AxialTruth:
     InputError
         If a name is unknown; names the nearest.
     """
-    known = {f.name for f in fields(AxialTruth)}
-    for name in overrides:
-        if name not in known:
-            raise InputError(
-                f"the synthetic press has no parameter '{name}'.{nearest(name, known)} It has {listing(known, 60)}."
-            )
     given: dict[str, Any] = {
         k: {float(i): float(v) for i, v in dict(value).items()} if k in _TABLES else value
         for k, value in overrides.items()
     }
-    return replace(AxialTruth(), **given)
+    return overridden(AxialTruth(), given, "synthetic press")
 
 
 def synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from pipeline.errors import InputError, listing, nearest
 from pipeline.recording import Channel, Condition, Recording, Stream
 from pipeline.rigs.mre.hold.law import force, saturation
+from pipeline.rigs.overridden import overridden
 
 _COIL = 0.03  # s
 _FINE = 0.005  # s
@@ -80,13 +80,7 @@ def hold_truth(overrides: Mapping[str, Any]) -> HoldTruth:
     InputError
         If a name is unknown; names the nearest.
     """
-    known = {f.name for f in fields(HoldTruth)}
-    for name in overrides:
-        if name not in known:
-            raise InputError(
-                f"the synthetic hold test has no parameter '{name}'.{nearest(name, known)} It has {listing(known, 60)}."
-            )
-    return replace(HoldTruth(), **dict(overrides))
+    return overridden(HoldTruth(), overrides, "synthetic hold test")
 
 
 def true_flux(truth: HoldTruth, current: np.ndarray, down: np.ndarray) -> np.ndarray:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from pipeline.errors import InputError, listing, nearest
+from pipeline.errors import InputError
 from pipeline.recording import Channel, Condition, Recording, Stream
 from pipeline.rigs.mre.step.lags import lag
+from pipeline.rigs.overridden import overridden
 
 _FINE = 2e-4  # s
 
@@ -67,13 +68,7 @@ def step_truth(overrides: Mapping[str, Any]) -> StepTruth:
     InputError
         If a name is unknown (names the nearest), or times and levels do not match.
     """
-    known = {f.name for f in fields(StepTruth)}
-    for name in overrides:
-        if name not in known:
-            raise InputError(
-                f"the synthetic step test has no parameter '{name}'.{nearest(name, known)} It has {listing(known, 60)}."
-            )
-    truth = replace(StepTruth(), **dict(overrides))
+    truth = overridden(StepTruth(), overrides, "synthetic step test")
     if len(truth.times) != len(truth.levels):
         raise InputError(
             f"the synthetic step test has {len(truth.times)} times but {len(truth.levels)} levels; give one level a time."

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from pipeline.errors import InputError, listing, nearest
+from pipeline.rigs.overridden import overridden
 from pipeline.rigs.tire.ring.ring import Ring
 from pipeline.rigs.tire.synthetic.runs import BENCH_RUNS, KMH, RUNS, VARIANTS
 
@@ -207,7 +208,7 @@ _Truth = TypeVar("_Truth", bound=TireTruth)
 
 def bench_truth(overrides: Mapping[str, Any]) -> BenchTruth:
     """Return the truth of the bench with `overrides`; InputError where one is unknown or makes no rig."""
-    truth = _overridden(BenchTruth(), overrides)
+    truth = _checked(BenchTruth(), overrides)
     if truth.speed <= 0.0 or any(load < 0.0 for load in truth.loads):
         raise InputError("the synthetic tire: 'speed' needs to be above 0 m/s, 'loads' 0 N or more.")
     for names, known, what in ((truth.runs, BENCH_RUNS, "run"), (truth.variants, VARIANTS, "variant")):
@@ -221,7 +222,7 @@ def bench_truth(overrides: Mapping[str, Any]) -> BenchTruth:
 
 def road_truth(overrides: Mapping[str, Any]) -> RoadTruth:
     """Return the truth of the road with `overrides`; InputError where one is unknown or makes no rig."""
-    truth = _overridden(RoadTruth(), overrides)
+    truth = _checked(RoadTruth(), overrides)
     if any(len(corner) != 2 for corner in truth.speeds) or any(len(pulse) != 3 for pulse in truth.pulses):
         raise InputError(
             "the synthetic tire: each of 'speeds' needs two numbers (s, m/s), of 'pulses' three (s, s, N)."
@@ -258,21 +259,8 @@ _ABOVE_ZERO = (
 _LONGEST = 600.0
 
 
-def _overridden(truth: _Truth, overrides: Mapping[str, Any]) -> _Truth:
-    known = {f.name for f in fields(truth)}
-    for name in overrides:
-        if name not in known:
-            raise InputError(
-                f"the synthetic tire has no parameter '{name}'.{nearest(name, known)} It has {listing(sorted(known), 90)}."
-            )
-    for name, value in overrides.items():
-        usual = getattr(truth, name)
-        flag, number = isinstance(usual, bool), isinstance(usual, int | float)
-        if number and (not isinstance(value, int | float) or isinstance(value, bool) != flag or math.isnan(value)):
-            raise InputError(
-                f"'{name}' of the synthetic tire is {value!r}; expected {'true or false' if flag else 'a number'}."
-            )
-    truth = replace(truth, **dict(overrides))
+def _checked(truth: _Truth, overrides: Mapping[str, Any]) -> _Truth:
+    truth = overridden(truth, overrides, "synthetic tire")
     for name in _ABOVE_ZERO:
         value = getattr(truth, name)
         if not isinstance(value, int | float) or not math.isfinite(value) or value <= 0:

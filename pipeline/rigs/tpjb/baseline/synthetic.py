@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.recording import Channel, Condition, Recording, Stream
 from pipeline.rigs.tpjb.axes import FROM_UV
 from pipeline.rigs.tpjb.dynamic.bench import Bench
-from pipeline.rigs.tpjb.dynamic.synthetic import MODES, overridden
+from pipeline.rigs.tpjb.dynamic.synthetic import MODES, with_bench
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class BaselineTruth:
 
 def synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:
     """Return one log for each excitation; `truth` overrides fields of `BaselineTruth`."""
-    known = overridden(BaselineTruth, truth)
+    known = with_bench(BaselineTruth(), truth)
     rng = np.random.default_rng(seed)
     return [_log(known, mode, rng) for mode in MODES]
 

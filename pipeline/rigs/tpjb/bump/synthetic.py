@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from pipeline.errors import InputError, listing, nearest
+from pipeline.errors import InputError, listing
 from pipeline.recording import Channel, Condition, Recording, Stream
+from pipeline.rigs.overridden import overridden
 from pipeline.rigs.tpjb.axes import pad_directions, uv
 from pipeline.rigs.tpjb.bump.contact import Bearing, rest, side_normals
 
@@ -81,16 +82,10 @@ def bump_truth(overrides: Mapping[str, Any]) -> BumpTruth:
     InputError
         If a name or the bearing is unknown (names the nearest), or pads and clearances do not match.
     """
-    known = {f.name for f in fields(BumpTruth)}
-    for name in overrides:
-        if name not in known:
-            raise InputError(
-                f"the synthetic bump test has no parameter '{name}'.{nearest(name, known)} It has {listing(known, 60)}."
-            )
     bearing = str(overrides.get("bearing", "4pad"))
     if bearing not in BEARINGS:
         raise InputError(f"there is no synthetic bearing '{bearing}' for the bump test; there are {listing(BEARINGS)}.")
-    truth = replace(BumpTruth(), **{**BEARINGS[bearing], **dict(overrides)})
+    truth = overridden(BumpTruth(), {**BEARINGS[bearing], **overrides}, "synthetic bump test")
     if len(truth.clearances) != truth.n_pads:
         raise InputError(
             f"the synthetic bump test has {truth.n_pads} pads but {len(truth.clearances)} clearances; give one a pad."

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, TypeVar
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from pipeline.errors import InputError, listing, nearest
 from pipeline.recording import Channel, Condition, Recording, Stream
+from pipeline.rigs.overridden import Truth, overridden
 from pipeline.rigs.tpjb import truth as rig_truth
 from pipeline.rigs.tpjb.axes import FROM_UV
 from pipeline.rigs.tpjb.dynamic.bench import Bench
@@ -18,7 +18,7 @@ from pipeline.rigs.tpjb.probes import GAPS
 _NAMES = {"4pad-L1": "a2", "4pad-L2": "a3", "5pad-L3": "b2", "5pad-L2": "b7"}
 MODES = ("in_phase", "antiphase")
 _REST_GAP = 1e-3
-Truth = TypeVar("Truth")
+_RIG = "synthetic bearing rig"
 
 
 @dataclass(frozen=True)
@@ -79,34 +79,24 @@ def dynamic_truth(overrides: Mapping[str, Any]) -> DynamicTruth:
     InputError
         If a name is unknown; names the nearest.
     """
-    truth = overridden(DynamicTruth, overrides)
+    truth = with_bench(DynamicTruth(), overrides)
     for name in truth.bearings:
         rig_truth.bearing(name)
     return truth
 
 
-def overridden(kind: type[Truth], overrides: Mapping[str, Any]) -> Truth:
-    """Return ``kind()`` with `overrides`; `bench` may be a mapping of its own fields.
+def with_bench(usual: Truth, overrides: Mapping[str, Any]) -> Truth:
+    """Return `usual` with `overrides`; `bench` may be a mapping of its own fields.
 
     Raises
     ------
     InputError
-        If a name is unknown; names the nearest.
+        As `overridden`.
     """
-    given = _checked(kind, overrides)
+    given = dict(overrides)
     if isinstance(given.get("bench"), Mapping):
-        given["bench"] = replace(Bench(), **_checked(Bench, given["bench"]))
-    return kind(**given)
-
-
-def _checked(kind: type, overrides: Mapping[str, Any]) -> dict[str, Any]:
-    known = [f.name for f in fields(kind)]
-    for name in overrides:
-        if name not in known:
-            raise InputError(
-                f"the synthetic bearing rig has no parameter '{name}'.{nearest(name, known)} It has {listing(known, 40)}."
-            )
-    return dict(overrides)
+        given["bench"] = overridden(Bench(), given["bench"], _RIG)
+    return overridden(usual, given, _RIG)
 
 
 def synthesize(truth: Mapping[str, Any], seed: int) -> list[Recording]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from pipeline.errors import InputError, listing, nearest
 from pipeline.recording import Channel, Condition, Recording, Stream
+from pipeline.rigs.overridden import overridden
 from pipeline.rigs.tpjb.axes import pad_directions, uv, xy
 from pipeline.rigs.tpjb.truth import CLEARANCE, SHAFT_SPEED, Bearing, bearing
 
@@ -107,14 +108,7 @@ def rotating_truth(overrides: Mapping[str, Any]) -> RotatingTruth:
     InputError
         If a name is unknown; names the nearest.
     """
-    known = {f.name for f in fields(RotatingTruth)}
-    for name in overrides:
-        if name not in known:
-            raise InputError(
-                f"the synthetic rig of tpjb.rotating has no parameter '{name}'.{nearest(name, known)} "
-                f"It has {listing(sorted(known), 60)}."
-            )
-    truth = replace(RotatingTruth(), **overrides)
+    truth = overridden(RotatingTruth(), overrides, "synthetic rig of tpjb.rotating")
     if truth.truth not in ("polynomial", "pads"):
         raise InputError(f"truth '{truth.truth}' of the synthetic rig: expected polynomial or pads.")
     if not truth.runs and truth.campaign not in CAMPAIGNS:
