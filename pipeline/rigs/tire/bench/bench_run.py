@@ -1,0 +1,158 @@
+"""One run of the bench as numbers: averaged waveform, marks, rotation, and what the reference table says meanwhile."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.recording import Condition, QualityFinding, Recording
+from pipeline.rigs.tire.bench.reference import LOAD, SPEED, Reference, reference_of
+from pipeline.rigs.tire.passages.device import Device, device_of
+from pipeline.rigs.tire.passages.passage_faults import Course, course_of, passage_findings
+from pipeline.rigs.tire.passages.revolutions import Revolutions, joined, revolutions_of
+from pipeline.rigs.tire.passages.waveform import Waveform, averaged
+
+_ROAD = "road"
+# A nominal value is what somebody set: taken for a measured one it is uncertain by that share.
+NOMINAL_U = 0.02
+_FEWEST = 3
+_FREE = 50.0
+
+
+@dataclass(frozen=True, eq=False)
+class BenchRun:
+    """What identification uses of one run. SI.
+
+    Attributes
+    ----------
+    name, conditions
+        As in the log.
+    device, course, revolutions, waveform
+        Of the transmitter: see `passages`.
+    reference
+        Means of the reference channels over the revolutions used.
+    rotation, rotation_se
+        Mean rotation over the same time, rad/s.
+    findings
+        What is to be said of the run.
+    """
+
+    name: str
+    conditions: Mapping[str, Condition]
+    device: Device
+    course: Course
+    revolutions: Revolutions
+    waveform: Waveform
+    reference: Reference
+    rotation: float
+    rotation_se: float
+    findings: tuple[QualityFinding, ...]
+
+    def told(self, name: str) -> float | None:
+        """Return a numeric condition, None where the run does not state it."""
+        value = self.conditions.get(name)
+        return None if value is None or isinstance(value, str | bool) else float(value)
+
+    @property
+    def load(self) -> float:
+        """Load on the tire, N: measured, else as set; NaN where neither is known."""
+        measured = self.reference.value(LOAD)
+        return measured if math.isfinite(measured) else (self.told("nominal_load") or math.nan)
+
+    @property
+    def load_se(self) -> float:
+        """Standard error of `load`, N, without the error of the load cell's gain."""
+        error = self.reference.std_error(LOAD)
+        return error if math.isfinite(error) else NOMINAL_U * self.load
+
+    @property
+    def nominal_load(self) -> float:
+        """Load at which results are told, N: as set, else the measured one to 10 N."""
+        told = self.told("nominal_load")
+        return told if told is not None else round(self.load, -1)
+
+    @property
+    def nominal_speed(self) -> float:
+        """Speed at which results are told, m/s: as set, else the measured one to 0.01 m/s."""
+        told = self.told("nominal_speed")
+        if told is not None:
+            return told
+        measured = self.reference.value(SPEED)
+        return round(measured, 2) if math.isfinite(measured) else round(0.32 * self.rotation, 2)
+
+    @property
+    def peak(self) -> float:
+        """Peak of the averaged waveform over its mean, ohm, straight from the bins."""
+        return float(np.nanmax(self.waveform.change))
+
+
+def bench_run(recording: Recording) -> BenchRun:
+    """Return the numbers of one run.
+
+    Raises
+    ------
+    InputError
+        If the run cannot be used at all: there is no flex sensor, no passage, or it is of another experiment.
+    """
+    where = str(recording.conditions.get("bench_or_road", "")).strip().lower()
+    if where == _ROAD:
+        raise InputError(
+            f"run '{recording.run}' says bench_or_road: road; it belongs to tire.road. Put it into a campaign of that experiment."
+        )
+    device = device_of(recording)
+    blocks = list(revolutions_of(device))
+    course = course_of(blocks)
+    if sum(len(block) for block in blocks) < _FEWEST:
+        findings = passage_findings(device, course, None)
+        raise InputError(_no_passage(recording, findings))
+    revolutions = joined(blocks)
+    try:
+        waveform = averaged(revolutions)
+    except InputError as error:
+        findings = passage_findings(device, course, None)
+        told = next((f.message for f in findings if f.level == "error"), str(error))
+        raise InputError(told if told.startswith("run ") else f"run '{recording.run}': {told}") from error
+    begin, end = _turns(revolutions)
+    reference = reference_of(recording, begin, end)
+    rotation, rotation_se = _rotation(revolutions, reference)
+    findings = (*passage_findings(device, course, waveform), *reference.findings)
+    return BenchRun(
+        recording.run, dict(recording.conditions), device, course, revolutions, waveform, reference, rotation,
+        rotation_se, tuple(findings),
+    )  # fmt: skip
+
+
+def _no_passage(recording: Recording, findings: tuple[QualityFinding, ...]) -> str:
+    load = recording.conditions.get("nominal_load")
+    if isinstance(load, int | float) and load < _FREE:
+        return (
+            f"run '{recording.run}' is a free spin (nominal_load {load:g} N): without load there is no passage and nothing to fit; R0 comes "
+            "from the mean of every other run"
+        )
+    first = next((f.message for f in findings if f.level == "error"), "")
+    return first or (
+        f"run '{recording.run}' shows fewer than {_FEWEST} passages of the flex sensor: expected one high peak a revolution. Look whether the "
+        "wheel turned, the sensor is connected and flex_code or flex_voltage is mapped to its column"
+    )
+
+
+def _turns(revolutions: Revolutions) -> tuple[np.ndarray, np.ndarray]:
+    """Return when each revolution with a known speed begins and ends, half a turn about its peak, s."""
+    known = np.isfinite(revolutions.speed) & (revolutions.speed > 0.0) & np.isfinite(revolutions.times)
+    half = math.pi / revolutions.speed[known]
+    return revolutions.times[known] - half, revolutions.times[known] + half
+
+
+def _rotation(revolutions: Revolutions, reference: Reference) -> tuple[float, float]:
+    """Return the mean rotation over the revolutions that the reference covers, with its standard error, rad/s."""
+    begin, end = _turns(revolutions)
+    covered = (begin >= reference.span[0]) & (end <= reference.span[1])
+    if covered.sum() < _FEWEST:
+        covered = np.ones(begin.size, dtype=bool)
+    turns, time = int(covered.sum()), float((end - begin)[covered].sum())
+    jitter = float(np.nanmedian(revolutions.time_se))
+    return 2.0 * math.pi * turns / time, 2.0 * math.pi * turns / time**2 * math.sqrt(2.0) * jitter
