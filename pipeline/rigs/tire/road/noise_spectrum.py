@@ -1,0 +1,63 @@
+"""The noise of the divider's voltage by frequency, learnt from what the fits of a drive leave over.
+
+Road noise is coloured: its spectrum weighs the orders of a revolution, and makes standard errors true.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+_LOWEST, _HIGHEST, _PER_OCTAVE = 0.25, 65536.0, 6
+_LEAST = 40.0
+_EDGES = np.geomspace(_LOWEST, _HIGHEST, 18 * _PER_OCTAVE + 1)
+
+
+class NoiseSpectrum:
+    """Density of the noise, V^2/Hz one-sided, in bands of a sixth of an octave; `add` learns, `density` tells.
+
+    Old revolutions fade as new ones come, `memory` of them count: a drive changes its road.
+    """
+
+    def __init__(self, memory: float = 2000.0) -> None:
+        self.memory = memory
+        self.power = np.zeros(_EDGES.size - 1)
+        self.count = np.zeros(_EDGES.size - 1)
+        self.revolutions = 0.0
+
+    @property
+    def known(self) -> bool:
+        """Whether enough was learnt to tell a spectrum."""
+        return bool(np.count_nonzero(self.count >= _LEAST) >= 3)
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """Centres of the bands of which enough is known, Hz, shape (k,)."""
+        return np.asarray(np.sqrt(_EDGES[1:] * _EDGES[:-1])[self.count >= _LEAST])
+
+    @property
+    def values(self) -> np.ndarray:
+        """Density there, V^2/Hz, shape (k,)."""
+        enough = self.count >= _LEAST
+        return np.asarray(self.power[enough] / self.count[enough])
+
+    def add(self, frequency: np.ndarray, density: np.ndarray, share: np.ndarray) -> None:
+        """Learn from periodograms.
+
+        Parameters
+        ----------
+        frequency, density
+            Hz and V^2/Hz, shape (m, n) each: m revolutions, n orders.
+        share
+            What of the noise the fit has left in each, shape (m, n): the rest went into its parameters.
+        """
+        fade = np.exp(-frequency.shape[0] / self.memory)
+        band = np.searchsorted(_EDGES, frequency.ravel()) - 1
+        within = (band >= 0) & (band < self.power.size)
+        band, kept = band[within], share.ravel()[within]
+        self.power = fade * self.power + np.bincount(band, density.ravel()[within], self.power.size)
+        self.count = fade * self.count + np.bincount(band, kept, self.power.size)
+        self.revolutions = fade * self.revolutions + frequency.shape[0]
+
+    def density(self, frequency: np.ndarray) -> np.ndarray:
+        """Return the density, V^2/Hz, at frequencies (Hz, any shape), interpolated in logarithms."""
+        return np.asarray(np.exp(np.interp(np.log(frequency), np.log(self.frequency), np.log(self.values))))

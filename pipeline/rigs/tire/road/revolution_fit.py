@@ -1,0 +1,494 @@
+"""Load and longitudinal force of every revolution: Gauss-Newton against the library under the drive's own noise (5.11).
+
+The fit is made in the divider's voltage, where the noise is additive, on 256 angles; bins without samples carry no
+weight. The noise's spectrum is learnt from what the fits leave over, so standard errors hold under coloured noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Protocol
+
+import numpy as np
+
+from pipeline.rigs.tire.ring.sensor import divider_voltage, voltage_slope
+from pipeline.rigs.tire.road.library import WaveformLibrary
+from pipeline.rigs.tire.road.noise_spectrum import NoiseSpectrum
+
+ANGLES = 256
+# Why a revolution is not taken: Forces.reason is the place in here.
+REASONS = (
+    "",
+    "too few samples",
+    "does not settle",
+    "shape is not that of the ring",
+    "load at the end of the library",
+    "stands apart from the passages beside it",
+)
+_GATHERED = 512
+_LEARNT_FROM = 256
+_PASSES = 6
+_SETTLED = 0.02
+_LEAST_SHARE = 0.6
+_LEAST_FILLING = 0.4
+_FARTHEST_SHIFT = 0.15
+_NEIGHBOURS = 31
+_WORST_MISFIT = 2.0
+
+
+class PassageBlock(Protocol):
+    """What is used of some revolutions (`passages.revolutions.Revolutions`)."""
+
+    times: np.ndarray
+    time_se: np.ndarray
+    speed: np.ndarray
+    speed_se: np.ndarray
+    resistance: np.ndarray
+    film: np.ndarray | None
+    count: np.ndarray
+    whole: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Forces:
+    """What revolutions tell, shape (m,) each.
+
+    Attributes
+    ----------
+    time, time_se, speed, speed_se
+        Passage (s) and rotation (rad/s), as they came in.
+    load, load_se, force, force_se, correlation
+        Fz and Fx at the passage, N; standard errors under the drive's noise, and the correlation of the two errors.
+    shift
+        Angle (rad) of the contact's centre after the passage's time.
+    resistance, resistance_se
+        R0, ohm.
+    film_amplitude
+        Film over what load and force of the flex sensor predict for it; NaN without film.
+    misfit
+        Sum of squares over its degrees of freedom, 1 where only the drive's noise is left.
+    share
+        Share of the angles that hold samples.
+    fits, reason
+        Whether the numbers may be used, and if not the place of the reason in `REASONS`.
+    extrapolated
+        Whether the load is outside of what the bench calibrated.
+    """
+
+    time: np.ndarray
+    time_se: np.ndarray
+    speed: np.ndarray
+    speed_se: np.ndarray
+    load: np.ndarray
+    load_se: np.ndarray
+    force: np.ndarray
+    force_se: np.ndarray
+    correlation: np.ndarray
+    shift: np.ndarray
+    resistance: np.ndarray
+    resistance_se: np.ndarray
+    film_amplitude: np.ndarray
+    misfit: np.ndarray
+    share: np.ndarray
+    fits: np.ndarray
+    reason: np.ndarray
+    extrapolated: np.ndarray
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+
+def joined(parts: list[Forces]) -> Forces:
+    """Return the revolutions of several parts in one."""
+    return Forces(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Forces)})
+
+
+class RevolutionFit:
+    """Fits revolutions as they come: `add` blocks of any size, `close` at the end; both return what is ready.
+
+    Attributes
+    ----------
+    noise
+        What is known of the drive's noise so far.
+    residual
+        Mean of what the fits leave over by angle (V) over that of the signal: the part no noise explains.
+    """
+
+    def __init__(self, known: WaveformLibrary) -> None:
+        self.known = known
+        self.noise = NoiseSpectrum()
+        self._waiting: list[_Passages] = []
+        self._left_over = np.zeros(ANGLES)
+        self._signal = np.zeros(ANGLES)
+        self._seen = np.zeros(ANGLES)
+
+    def add(self, block: PassageBlock) -> Forces | None:
+        """Take revolutions; return the fits of those that wait once enough have gathered."""
+        if block.times.size:
+            self._waiting.append(_passages(block, self.known))
+        return self._ready() if sum(part.time.size for part in self._waiting) >= _GATHERED else None
+
+    def close(self) -> Forces | None:
+        """Return the fits of the revolutions that still wait."""
+        return self._ready() if self._waiting else None
+
+    @property
+    def residual(self) -> tuple[float, float]:
+        """What is left over of the mean waveform after the fits, rms over that of the signal, and its standard error.
+
+        A share well above its error is a shape that the ring does not have: the forces err by about that share.
+        """
+        seen = np.maximum(self._seen, 1.0)
+        mean, signal = self._left_over / seen, self._signal / seen
+        scale = float(np.sqrt(np.mean((signal - signal.mean()) ** 2)))
+        noise = float(np.sqrt(np.trapezoid(self.noise.values, self.noise.frequency))) if self.noise.known else np.nan
+        return float(np.sqrt(np.mean(mean**2))) / scale, noise / np.sqrt(seen.mean()) / scale
+
+    def _ready(self) -> Forces:
+        data = _together(self._waiting)
+        self._waiting = []
+        state = _start(data, self.known)
+        if not self.noise.known:
+            found = self._settle(data, state, _PASSES)
+            self._learn(data, found)
+            if self.noise.known:
+                found = self._settle(data, found.state, 2)
+                self.noise = NoiseSpectrum(self.noise.memory)
+                self._learn(data, found)
+            state = found.state
+        found = self._settle(data, state, _PASSES)
+        state = replace(found.state, rates=_rates(data, found))
+        found = self._settle(data, state, 2)
+        self._learn(data, found)
+        self._remember(data, found)
+        return self._told(data, found)
+
+    def _settle(self, data: _Passages, state: _State, passes: int) -> _Fit:
+        """Iterate until no usable revolution moves by more than a small part of its standard error."""
+        weights = self._weights(data)
+        for _ in range(passes):
+            found = _step(data, state, self.known, weights)
+            state = found.state
+            if np.all(found.moved[data.usable] < _SETTLED):
+                break
+        return found
+
+    def _weights(self, data: _Passages) -> np.ndarray:
+        """Return one over the variance of each order of each revolution, shape (m, ANGLES/2 + 1), per V^2.
+
+        Order 1 has none: bending shows no curvature there, eccentricity does. The mean weighs as order 2.
+        """
+        orders = np.maximum(np.arange(ANGLES // 2 + 1), 2)
+        if self.noise.known:
+            S = self.noise.density(orders * data.speed[:, None] / (2.0 * np.pi)) * _to_variance(data.speed)
+            weights = np.asarray(1.0 / S)
+        else:
+            weights = np.full((data.time.size, orders.size), 1.0 / data.noise_guess**2)
+        weights[:, 1] = 0.0
+        return weights
+
+    def _learn(self, data: _Passages, found: _Fit) -> None:
+        gaps = data.missing.sum(axis=1)
+        fitting = data.usable & np.isfinite(found.chi2) & (found.moved < 1.0)
+        fitting &= found.chi2 < 3.0 * np.median(found.chi2[fitting]) if fitting.any() else fitting
+        for most in (0, 0.04, 0.1, 0.25):
+            rows = np.flatnonzero(fitting & (gaps <= most * ANGLES))
+            if rows.size >= 64:
+                break
+        if rows.size < 8:
+            return
+        orders = np.arange(2, ANGLES // 2)
+        power = np.abs(found.spectrum[rows][:, orders]) ** 2 / ANGLES
+        density = power / _to_variance(data.speed[rows])
+        self.noise.add(
+            orders * data.speed[rows, None] / (2.0 * np.pi), density, np.clip(found.kept[rows][:, orders], 0.2, 1.0)
+        )
+
+    def _remember(self, data: _Passages, found: _Fit) -> None:
+        good = data.usable[:, None] & ~data.missing & (found.moved < 1.0)[:, None]
+        self._left_over += np.where(good, found.residual, 0.0).sum(axis=0)
+        self._signal += np.where(good, data.voltage, 0.0).sum(axis=0)
+        self._seen += good.sum(axis=0)
+
+    def _told(self, data: _Passages, found: _Fit) -> Forces:
+        tire, state = self.known.tire, found.state
+        scale = _running_median(np.where(data.usable, found.chi2, np.nan), _NEIGHBOURS)
+        misfit = found.chi2 / scale
+        sd = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2) * np.maximum(scale, 0.1)[:, None])
+        reason = np.zeros(data.time.size, dtype=np.uint8)
+        usual = np.median(state.shift[data.usable]) if data.usable.any() else 0.0
+        reason[(state.load >= 0.999 * self.known.top) | (state.load <= _LEAST_LOAD)] = 4
+        reason[(misfit > _WORST_MISFIT) | (np.abs(state.shift - usual) > _FARTHEST_SHIFT)] = 3
+        reason[~(found.moved < 1.0)] = 2
+        reason[~data.usable] = 1
+        untold = (reason == 1) | (reason == 2)
+
+        def seen(values: np.ndarray) -> np.ndarray:
+            return np.where(untold, np.nan, values)
+
+        return Forces(
+            time=data.time,
+            time_se=data.time_se,
+            speed=data.speed,
+            speed_se=data.speed_se,
+            load=seen(state.load),
+            load_se=seen(sd[:, 0]),
+            force=seen(state.force),
+            force_se=seen(sd[:, 1]),
+            correlation=seen(found.covariance[:, 0, 1] * scale / (sd[:, 0] * sd[:, 1])),
+            shift=seen(state.shift),
+            resistance=seen(state.resistance),
+            resistance_se=seen(sd[:, 3]),
+            film_amplitude=seen(_film_amplitude(data, state, self.known)),
+            misfit=seen(misfit),
+            share=1.0 - data.missing.mean(axis=1),
+            fits=reason == 0,
+            reason=reason,
+            extrapolated=(state.load < tire.least_load) | (state.load > tire.most_load),
+        )
+
+
+_LEAST_LOAD = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Passages:
+    """Revolutions on `ANGLES` angles, in V; `fine` and `weight` are those of the bins they are merged from."""
+
+    time: np.ndarray
+    time_se: np.ndarray
+    speed: np.ndarray
+    speed_se: np.ndarray
+    voltage: np.ndarray
+    weight: np.ndarray
+    missing: np.ndarray
+    film: np.ndarray | None
+    usable: np.ndarray
+    noise_guess: float
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Unknowns of each revolution, shape (m,) each, and how fast Fz and Fx change there, N/s, shape (m, 2)."""
+
+    load: np.ndarray
+    force: np.ndarray
+    shift: np.ndarray
+    resistance: np.ndarray
+    rates: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """One pass: the state after it, covariance (m, 4, 4), the last step over its standard error, chi2 over degrees of
+    freedom (m,), residual (V, (m, ANGLES), 0 where missing), its spectrum with the missing filled, and the share of each
+    order's noise that the fit leaves."""
+
+    state: _State
+    covariance: np.ndarray
+    moved: np.ndarray
+    chi2: np.ndarray
+    residual: np.ndarray
+    spectrum: np.ndarray
+    kept: np.ndarray
+
+
+def _to_variance(speed: np.ndarray) -> np.ndarray:
+    """Return what turns a one-sided density (V^2/Hz) into the variance of one of `ANGLES` samples of a turn, (m, 1)."""
+    return np.asarray(ANGLES * speed[:, None] / (4.0 * np.pi))
+
+
+def _passages(block: PassageBlock, known: WaveformLibrary) -> _Passages:
+    sensor = known.tire.sensor
+    count = np.asarray(block.count, dtype=float)
+    rows, bins = count.shape
+    seen = np.isfinite(block.resistance) & (count > 0.0)
+    weight = np.where(seen, count, 0.0).reshape(rows, ANGLES, bins // ANGLES)
+    R2 = np.where(seen, block.resistance, 0.0)
+    V = divider_voltage(R2, sensor.VIN, sensor.R1).reshape(weight.shape)
+    total = weight.sum(axis=2)
+    usual = np.median(total, axis=1, keepdims=True)
+    missing = total < np.maximum(_LEAST_FILLING * usual, 1e-9)
+    weight = weight / np.where(total > 0.0, total, 1.0)[:, :, None]
+    voltage = (V * weight).sum(axis=2)
+    film = None
+    if block.film is not None and known.tire.film is not None:
+        found = np.where(np.isfinite(block.film), block.film, 0.0).reshape(weight.shape)
+        film = (found * weight).sum(axis=2)
+    usable = block.whole & (missing.mean(axis=1) < 1.0 - _LEAST_SHARE) & np.isfinite(block.speed) & (block.speed > 0.0)
+    speed = np.where(usable, block.speed, 1.0)
+    between = np.diff(voltage[usable], axis=1)
+    guess = max(1e-9, float(np.median(np.abs(between))) / 0.954) if between.size else 1.0
+    return _Passages(
+        block.times, block.time_se, speed, block.speed_se, voltage, weight, missing, film, usable, guess
+    )
+
+
+def _together(parts: list[_Passages]) -> _Passages:
+    def stacked(name: str) -> np.ndarray:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    names = ("time", "time_se", "speed", "speed_se", "voltage", "weight", "missing", "usable")
+    film = None if any(part.film is None for part in parts) else stacked("film")
+    guess = float(np.median([part.noise_guess for part in parts]))
+    return _Passages(**{name: stacked(name) for name in names}, film=film, noise_guess=guess)
+
+
+def _start(data: _Passages, known: WaveformLibrary) -> _State:
+    """Read the load off the peak above the level beside it; the contact's centre runs ahead of the peak by the lag."""
+    sensor = known.tire.sensor
+    theta = _angles()
+    level = np.where(data.missing | (np.abs(theta) < 1.0), np.nan, data.voltage)
+    near = np.where(data.missing | (np.abs(theta) > 0.1), np.nan, data.voltage)
+    V0 = _filled_median(level)
+    top = np.maximum(_filled_max(near), V0)
+    R0, peak = (np.clip(V, 1e-3, 0.999 * sensor.VIN) for V in (V0, top))
+    R0, peak = (sensor.R1 * V / (sensor.VIN - V) for V in (R0, peak))
+    loads, peaks = known.peaks
+    rising = np.maximum.accumulate(peaks) + 1e-6 * np.arange(peaks.size)
+    load = np.clip(np.interp(peak - R0, rising, loads), 5 * _LEAST_LOAD, 0.95 * known.top)
+    return _State(load, np.zeros_like(load), data.speed * sensor.lag, R0, np.zeros((load.size, 2)))
+
+
+def _filled_median(values: np.ndarray) -> np.ndarray:
+    empty = ~np.isfinite(values).any(axis=1)
+    values = np.where(empty[:, None], 0.0, values)
+    found = np.nanmedian(values, axis=1)
+    return np.asarray(np.where(empty, np.median(found), found))
+
+
+def _filled_max(values: np.ndarray) -> np.ndarray:
+    empty = ~np.isfinite(values).any(axis=1)
+    found = np.nanmax(np.where(empty[:, None], -1e9, values), axis=1)
+    usual = np.median(found[~empty]) if (~empty).any() else 0.0
+    return np.asarray(np.where(empty, usual, found))
+
+
+def _angles() -> np.ndarray:
+    """Return the centres of the merged bins, rad, shape (ANGLES,); bin i of N stands at -pi + 2 pi i/N."""
+    step = 2.0 * np.pi / ANGLES
+    return np.asarray(-np.pi + step * np.arange(ANGLES) + 0.5 * step)
+
+
+def _on_bins(harmonics: np.ndarray, bins: int, offset: float) -> np.ndarray:
+    """Return a one-sided series on `bins` angles from -pi + offset, shape (m, bins), as means over one bin each."""
+    n = np.arange(harmonics.shape[1])
+    turned = harmonics * (np.exp(1j * n * (offset - np.pi)) * np.sinc(n / bins))
+    if harmonics.shape[1] > bins // 2:
+        turned = turned[:, : bins // 2]
+    return np.asarray(np.fft.irfft(turned, bins, axis=1) * bins)
+
+
+def _step(data: _Passages, state: _State, known: WaveformLibrary, weights: np.ndarray) -> _Fit:
+    """Make one Gauss-Newton step for all revolutions at once."""
+    sensor, rows = known.tire.sensor, data.time.size
+    fine = data.weight.shape[2] * ANGLES
+    half = np.pi / ANGLES - np.pi / fine
+    H, slope, pushed = known.harmonics(state.load, state.force, data.speed)
+    n = known.orders
+    turned = np.exp(1j * n * state.shift[:, None])
+    R2 = _on_bins(turned * H, fine, 0.0) + state.resistance[:, None]
+    V = divider_voltage(np.maximum(R2, 0.0), sensor.VIN, sensor.R1).reshape(data.weight.shape)
+    model = np.where(data.missing, 0.0, (V * data.weight).sum(axis=2))
+    coarse = [_on_bins(turned * column, ANGLES, half) for column in (H, slope, pushed, 1j * n * H)]
+    g = voltage_slope(coarse[0] + state.resistance[:, None], sensor.VIN, sensor.R1)
+    later = (_angles() + state.shift[:, None]) / data.speed[:, None] - sensor.lag
+    change = state.rates[:, :1] * coarse[1] + state.rates[:, 1:] * coarse[2]
+    model = model + g * later * change
+    columns = np.empty((rows, 5, ANGLES))
+    columns[:, 0], columns[:, 1], columns[:, 2], columns[:, 3] = g * coarse[1], g * coarse[2], g * coarse[3], g
+    columns[:, 4] = data.voltage - model
+    columns[np.broadcast_to(data.missing[:, None, :], columns.shape)] = 0.0
+    residual = columns[:, 4].copy()
+    spectra = _whole(columns, data.missing, weights)
+    # Orders beside the mean and the last stand for two: n and -n.
+    double = np.full(ANGLES // 2 + 1, 2.0)
+    double[[0, -1]] = 1.0
+    J, r = spectra[:, :4], spectra[:, 4]
+    weighted = J.conj() * (weights * double)[:, None, :]
+    A = np.matmul(weighted, J.swapaxes(1, 2)).real / ANGLES
+    b = np.matmul(weighted, r[:, :, None])[:, :, 0].real / ANGLES
+    covariance, step = _solved(A, b)
+    squares = (np.abs(r) ** 2 * weights * double).sum(axis=1) / ANGLES - (step * b).sum(axis=1)
+    freedom = np.maximum((~data.missing).sum(axis=1) - 6.0, 1.0)
+    explained = np.einsum("jan,jab,jbn->jn", J.conj(), covariance, J, optimize=True).real
+    kept = 1.0 - explained * weights / ANGLES
+    sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    moved = np.abs(step / sd).max(axis=1)
+    reach = np.maximum(0.5 * state.load, 300.0)
+    calm = np.minimum(1.0, np.minimum(reach / np.maximum(np.abs(step[:, 0]), 1e-9), 0.05 / np.maximum(np.abs(step[:, 2]), 1e-9)))
+    step = step * calm[:, None]
+    after = _State(
+        np.clip(state.load + step[:, 0], _LEAST_LOAD, known.top),
+        np.clip(state.force + step[:, 1], -known.top, known.top),
+        np.clip(state.shift + step[:, 2], -0.6, 0.6),
+        np.maximum(state.resistance + step[:, 3], 1.0),
+        state.rates,
+    )
+    return _Fit(after, covariance, moved, squares / freedom, residual, r, kept)
+
+
+def _whole(columns: np.ndarray, missing: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the spectra of the columns, shape (m, 5, orders), with the missing bins filled so that they carry no weight."""
+    spectra = np.fft.rfft(columns, axis=2)
+    gapped = np.flatnonzero(missing.any(axis=1) & (missing.mean(axis=1) < 1.0 - _LEAST_SHARE))
+    if gapped.size:
+        from pipeline.rigs.tire.road.missing_bins import fill
+
+        kernel = np.fft.irfft(weights[gapped], ANGLES, axis=1)
+        part = columns[gapped]
+        fill(kernel, np.fft.irfft(spectra[gapped] * weights[gapped, None, :], ANGLES, axis=2), missing[gapped], part)
+        spectra[gapped] = np.fft.rfft(part, axis=2)
+    return spectra
+
+
+def _solved(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the inverse of each A, shape (m, 4, 4), and the steps; NaN where A tells nothing."""
+    size = np.sqrt(np.diagonal(A, axis1=1, axis2=2))
+    dead = ~(size > 0.0).all(axis=1) | ~np.isfinite(A).all(axis=(1, 2))
+    size = np.where(dead[:, None], 1.0, size)
+    even = np.where(dead[:, None, None], np.eye(4), A / (size[:, :, None] * size[:, None, :]))
+    even = even + 1e-12 * np.eye(4)
+    inverse = np.linalg.inv(even) / (size[:, :, None] * size[:, None, :])
+    inverse[dead] = np.nan
+    step = np.matmul(inverse, b[:, :, None])[:, :, 0]
+    return inverse, np.where(dead[:, None], 0.0, step)
+
+
+def _rates(data: _Passages, found: _Fit) -> np.ndarray:
+    """Return how fast Fz and Fx change at each revolution, N/s, shape (m, 2), from those beside it; 0 beside a gap."""
+    rates = np.zeros((data.time.size, 2))
+    sure = data.usable & (found.moved < 1.0)
+    if data.time.size < 3:
+        return rates
+    span = data.time[2:] - data.time[:-2]
+    near = sure[2:] & sure[:-2] & (span < 2.0 * 2.5 * np.pi / data.speed[1:-1] * 1.5)
+    for i, values in enumerate((found.state.load, found.state.force)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rates[1:-1, i] = np.where(near, (values[2:] - values[:-2]) / span, 0.0)
+    return rates
+
+
+def _running_median(values: np.ndarray, width: int) -> np.ndarray:
+    """Return the median of the finite values within half a width on either side, shape (m,); 1 where there is none."""
+    half = width // 2
+    padded = np.pad(values, half, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)
+    some = np.isfinite(windows).any(axis=1)
+    found = np.ones(values.size)
+    found[some] = np.nanmedian(windows[some], axis=1)
+    return found
+
+
+def _film_amplitude(data: _Passages, state: _State, known: WaveformLibrary) -> np.ndarray:
+    """Return the film's waveform over what Fz and Fx predict for it, least squares with a free level, shape (m,)."""
+    if data.film is None:
+        return np.full(data.time.size, np.nan)
+    fine = data.weight.shape[2] * ANGLES
+    H = known.harmonics(state.load, state.force, data.speed)[0] * known.film_factor(data.speed)
+    expected = _on_bins(H * np.exp(1j * known.orders * state.shift[:, None]), ANGLES, np.pi / ANGLES - np.pi / fine)
+    seen = (~data.missing).astype(float)
+    n = np.maximum(seen.sum(axis=1, keepdims=True), 1.0)
+    expected = seen * (expected - (seen * expected).sum(axis=1, keepdims=True) / n)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray((expected * data.film).sum(axis=1) / (expected**2).sum(axis=1))
