@@ -1,0 +1,417 @@
+"""Joint fit of ring, tread and flex sensor to the averaged waveforms of all bench runs with a known load (variant B).
+
+The model is in `ring_model`, what may be told of the result in `identifiability` and `ring_verdict`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.estimation.residuals import whiteness
+from pipeline.estimation.separable import covariance_of
+from pipeline.estimation.uncertainty import effective_size
+from pipeline.rigs.tire.bench.ring_model import NAMES, SCALED, SIZES, RingModel, Unknowns, unknowns_at
+from pipeline.rigs.tire.bench.ring_run import Known, RingRun
+from pipeline.rigs.tire.ring.ring import Ring
+from pipeline.rigs.tire.ring.sensor import Sensor, highest_order
+
+_START = Unknowns(10.0, 0.2, 4e5, 1e5, 1e8, 4000.0, 0.05, 1e-3, 0.05)
+# Tried after the first where it ends at a bound or far from the data: factors on bending, foundations and tread.
+_OTHER_STARTS = ((0.3, 1.0, 2.0, 1.0), (3.0, 2.0, 1.0, 0.3), (1.0, 0.3, 3.0, 3.0))
+_DECADE = math.log(10.0)
+_LINEAR_BOUNDS = {"loss_factor": (-0.1, 1.0), "sensor_lag": (-1e-3, 5e-2)}
+_POOR = 2.0
+_FEWEST_BINS = 64
+# Where neither loads nor anything else set the scale, the belt's width is held about as well as one can guess it.
+_GUESS_U = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class RunFit:
+    """One run in the joint fit. SI.
+
+    Attributes
+    ----------
+    angle
+        Where the patch's centre lies on the run's angles, rad.
+    resistance, resistance_se
+        R0, ohm.
+    load
+        Load that the fit takes the run to have, N: the measured one within its standard error.
+    model, residual
+        R2 of the model and measured less model, ohm, shape (n,); the residual is NaN where nothing was measured.
+    chi2_reduced, band_chi2_reduced
+        Mean square of the weighted residual, of all of it and of the orders that the sensor can feel.
+    contact_length, contact_length_se, front, rear
+        Lc, m; where the contact begins and ends on the run's angles, rad.
+    loaded_radius
+        Height of the hub over the road, m.
+    """
+
+    run: str
+    angle: float
+    resistance: float
+    resistance_se: float
+    load: float
+    model: np.ndarray
+    residual: np.ndarray
+    chi2_reduced: float
+    band_chi2_reduced: float
+    contact_length: float
+    contact_length_se: float
+    front: float
+    rear: float
+    loaded_radius: float
+
+
+@dataclass(frozen=True)
+class Influence:
+    """An error that all runs share: its relative standard uncertainty and d(coordinates)/d ln(source), shape (9,)."""
+
+    source: str
+    relative: float
+    slopes: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class RingFit:
+    """Result of the joint fit; whether its numbers may be told is another question (`identifiability.told`).
+
+    Attributes
+    ----------
+    values
+        EI, b, kw, kv, kt, c, eta, tau_f, Ls.
+    covariance
+        Type A, widened by misfit and correlation of the residual; of logarithms, except loss factor and lag (SI); (9, 9).
+    influences
+        Type B.
+    chi2_reduced, band_chi2_reduced
+        Of all runs.
+    widening
+        Factor on the covariance.
+    correlation_length
+        Bins over which the residual is correlated; 1 where it is white.
+    singular
+        Singular values of the Jacobian of the nine with columns of unit length.
+    at_bound
+        Names that ended at a bound.
+    left_out
+        Runs that were not used, with the reason.
+    scale_held
+        Whether the scale of stiffnesses and gain rests on a guess of the belt's width.
+    """
+
+    values: Unknowns
+    covariance: np.ndarray
+    influences: tuple[Influence, ...]
+    known: Known
+    runs: tuple[RunFit, ...]
+    chi2_reduced: float
+    band_chi2_reduced: float
+    widening: float
+    correlation_length: float
+    singular: np.ndarray
+    at_bound: tuple[str, ...]
+    converged: bool
+    evaluations: int
+    loads: int
+    speeds: int
+    left_out: dict[str, str]
+    scale_held: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the findings, the sensor's length last; order of the matrices."""
+        return NAMES
+
+    @property
+    def combined(self) -> np.ndarray:
+        """Covariance with type B, units as in `covariance`, shape (9, 9)."""
+        shared = [(i.relative * i.slopes) for i in self.influences]
+        return np.asarray(self.covariance + sum((np.outer(s, s) for s in shared), np.zeros_like(self.covariance)))
+
+    @property
+    def log_covariance(self) -> np.ndarray:
+        """Type A covariance of the logarithms, shape (9, 9)."""
+        scale = np.array([1.0 / (abs(getattr(self.values, n)) or 1e-30) if n in SIZES else 1.0 for n in NAMES])
+        return np.asarray(self.covariance * np.outer(scale, scale))
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation of `covariance`, shape (9, 9)."""
+        sd = np.sqrt(np.diag(self.covariance))
+        return np.asarray(self.covariance / np.outer(sd, sd))
+
+    def std_error(self, name: str, combined: bool = True) -> float:
+        """Return the standard error in SI."""
+        i = NAMES.index(name)
+        sd = math.sqrt((self.combined if combined else self.covariance)[i, i])
+        return sd if name in SIZES else sd * float(getattr(self.values, name))
+
+    def ring(self, pressure: float) -> Ring:
+        """Return the fitted ring under `pressure` (Pa)."""
+        return self.values.ring(self.known.R, pressure)
+
+    def sensor(self, R0: float, VIN: float = 3.3, R1: float = 1e4) -> Sensor:
+        """Return the fitted flex sensor."""
+        v = self.values
+        return Sensor(v.sensor_gain, R0, v.sensor_length, v.sensor_lag, VIN, R1)
+
+
+def fit_ring(runs: Sequence[RingRun], known: Known, start: Unknowns | None = None) -> RingFit:
+    """Fit ring, tread and sensor to all runs at once.
+
+    Parameters
+    ----------
+    runs
+        Averaged waveforms on grids of the same size; those without load are left out.
+    known
+        What is not fitted, and priors.
+    start
+        Other than the usual one.
+
+    Raises
+    ------
+    InputError
+        If no run can be used.
+
+    Notes
+    -----
+    Weighted least squares within bounds of a decade either side of the start; R0, a drift within the turn, the angle and
+    the error of the mean load of each run are fitted along. Breglio 2019 gives no algorithm; tire.md, 5.8.
+    """
+    used, left_out = _usable(runs)
+    if not used:
+        reasons = "; ".join(f"{name}: {why}" for name, why in left_out.items()) or "there are no runs"
+        raise InputError(
+            f"the ring fit has no run to work on ({reasons}); it needs averaged passages under a known load."
+        )
+    loads = _distinct([run.nominal_load for run in used])
+    speeds = _distinct([run.rotation for run in used])
+    b = known.belt_width or _START.belt_width
+    heights = any(run.hub_height is not None for run in used)
+    scale_held = loads < 3 and not heights and known.belt_width_u is None
+    prior = _GUESS_U if scale_held else known.belt_width_u
+    model = RingModel(used, Known(**{**vars(known), "belt_width": b, "belt_width_u": prior}))
+    x, at_bound, converged = _searched(model, start or _start(known, b))
+    return _result(model, known, x, at_bound, converged, (loads, speeds), left_out, scale_held)
+
+
+def _usable(runs: Sequence[RingRun]) -> tuple[list[RingRun], dict[str, str]]:
+    used: list[RingRun] = []
+    left_out: dict[str, str] = {}
+    for run in runs:
+        valid = int(np.count_nonzero(np.isfinite(run.resistance) & np.isfinite(run.std_error)))
+        if not (math.isfinite(run.load) and run.load > 0.0):
+            left_out[run.run] = f"its load is {run.load:.4g} N"
+        elif not (math.isfinite(run.pressure) and run.pressure > 0.0):
+            left_out[run.run] = "its inflation pressure is not known"
+        elif valid < _FEWEST_BINS:
+            left_out[run.run] = f"only {valid} of {run.theta.size} angles have a value"
+        elif used and run.theta.size != used[0].theta.size:
+            left_out[run.run] = f"its waveform has {run.theta.size} angles, the others' {used[0].theta.size}"
+        else:
+            used.append(run)
+    return used, left_out
+
+
+def _distinct(values: Sequence[float], apart: float = 0.1) -> int:
+    """Return how many of the values differ by more than `apart` from the next smaller one counted."""
+    count, last = 0, 0.0
+    for value in sorted(values):
+        if count == 0 or value > last * (1.0 + apart):
+            count, last = count + 1, value
+    return count
+
+
+def _start(known: Known, b: float) -> Unknowns:
+    return Unknowns(**{**vars(_START), "belt_width": b, "sensor_length": known.sensor_length})
+
+
+def _searched(model: RingModel, first: Unknowns) -> tuple[np.ndarray, tuple[str, ...], bool]:
+    """Return the best end point, which names are at a bound there, and whether the search converged."""
+    best: tuple[float, np.ndarray, tuple[str, ...], bool] | None = None
+    for factors in ((1.0, 1.0, 1.0, 1.0), *_OTHER_STARTS):
+        scaled = ("bending_stiffness", "foundation_radial", "foundation_tangential", "tread_stiffness")
+        start = Unknowns(**{**vars(first), **{n: getattr(first, n) * f for n, f in zip(scaled, factors, strict=True)}})
+        try:
+            cost, x, held, converged = _descended(model, start)
+        except ArithmeticError:
+            continue
+        if best is None or cost < best[0]:
+            best = (cost, x, held, converged)
+        data = sum(np.count_nonzero(w) for w in model.weights)
+        if not best[2] and 2.0 * best[0] < _POOR * data:
+            break
+    if best is None:
+        raise InputError(
+            "the ring fit found no start from which the contact can be solved; look at loads and pressure."
+        )
+    return best[1:]
+
+
+def _descended(model: RingModel, start: Unknowns) -> tuple[float, np.ndarray, tuple[str, ...], bool]:
+    from scipy.optimize import least_squares
+
+    n = len(model.runs)
+    x = np.zeros(model.size)
+    x[: len(NAMES)] = start.coordinates()
+    x[len(NAMES) : len(NAMES) + n] = [float(run.theta[np.nanargmax(run.resistance)]) for run in model.runs]
+    x[NAMES.index("sensor_gain")] += math.log(_gain(model, x))
+    low, high = np.full(x.size, -np.inf), np.full(x.size, np.inf)
+    for i, name in enumerate(NAMES):
+        linear = _LINEAR_BOUNDS.get(name)
+        low[i] = linear[0] / SIZES[name] if linear else x[i] - _DECADE
+        high[i] = linear[1] / SIZES[name] if linear else x[i] + _DECADE
+    found = least_squares(
+        model.residual,
+        x,
+        model.jacobian,
+        bounds=(low, high),
+        x_scale="jac",
+        ftol=1e-8,
+        xtol=1e-8,
+        gtol=1e-12,
+        max_nfev=80,
+    )
+    near = np.minimum(found.x - low, high - found.x)[: len(NAMES)] < 1e-3
+    held = tuple(name for name, is_near in zip(NAMES, near, strict=True) if is_near)
+    return float(found.cost), np.asarray(found.x), held, bool(found.status > 0)
+
+
+def _gain(model: RingModel, x: np.ndarray) -> float:
+    """Return the factor on the sensor's gain that fits the data best, all else as at x."""
+    along = across = 0.0
+    for i, (run, w) in enumerate(zip(model.runs, model.weights, strict=True)):
+        wave = w * model.waveform(x, i)
+        measured = w * np.where(w > 0.0, run.resistance - np.nanmean(run.resistance), 0.0)
+        along, across = along + float(wave @ measured), across + float(wave @ wave)
+    return max(along / across, 1e-3) if across > 0.0 else 1.0
+
+
+def _result(
+    model: RingModel,
+    known: Known,
+    x: np.ndarray,
+    at_bound: tuple[str, ...],
+    converged: bool,
+    counts: tuple[int, int],
+    left_out: dict[str, str],
+    scale_held: bool,
+) -> RingFit:
+    J = model.jacobian(x)
+    plain, _ = covariance_of(J)
+    residuals = model.run_residuals(x)
+    data = sum(int(np.count_nonzero(w)) for w in model.weights)
+    dof = max(data - len(NAMES) - 3 * len(model.runs), 1)
+    reduced = sum(float(r @ r) for r in residuals) / dof
+    lengths = [_correlation_length(r[w > 0.0]) for r, w in zip(residuals, model.weights, strict=True)]
+    correlation = float(np.mean(lengths))
+    widening = max(1.0, reduced) * correlation
+    order = highest_order(known.sensor_length, known.R)
+    bands = [_band(r, w, order) for r, w in zip(residuals, model.weights, strict=True)]
+    band_dof = max(2 * order * len(bands) - len(NAMES) - len(model.runs), 1)
+    shared = J[:, : len(NAMES)]
+    influences = _influences(model, x, J)
+    covariance = widening * plain
+    combined = covariance + sum((np.outer(u * s, u * s) for _, u, s in influences), np.zeros_like(plain))
+    slopes = model.length_slopes(x)
+    fitted = tuple(
+        _run_fit(model, x, i, residuals[i], bands[i] / (2 * order), slopes, combined) for i in range(len(model.runs))
+    )
+    units = np.array([SIZES.get(n, 1.0) for n in NAMES])
+    k = len(NAMES)
+    return RingFit(
+        values=unknowns_at(x[:k]),
+        covariance=covariance[:k, :k] * np.outer(units, units),
+        influences=tuple(Influence(name, u, s[:k] * units) for name, u, s in influences),
+        known=known,
+        runs=fitted,
+        chi2_reduced=reduced,
+        band_chi2_reduced=sum(bands) / band_dof,
+        widening=widening,
+        correlation_length=correlation,
+        singular=np.linalg.svd(shared / np.linalg.norm(shared, axis=0), compute_uv=False),
+        at_bound=at_bound,
+        converged=converged,
+        evaluations=model.solves,
+        loads=counts[0],
+        speeds=counts[1],
+        left_out=left_out,
+        scale_held=scale_held,
+    )
+
+
+def _correlation_length(residual: np.ndarray) -> float:
+    """Return over how many bins the residual is correlated; 1 where no correlation can be told."""
+    return 1.0 if whiteness(residual).passed else residual.size / effective_size(residual)
+
+
+def _band(residual: np.ndarray, w: np.ndarray, order: int) -> float:
+    """Return the sum of squares of the weighted residual's orders 1..`order`: where a misfit of the model shows first."""
+    spectrum = np.abs(np.fft.rfft(residual)[1 : order + 1]) ** 2
+    return float(2.0 * spectrum.sum() / np.count_nonzero(w))
+
+
+def _influences(model: RingModel, x: np.ndarray, J: np.ndarray) -> list[tuple[str, float, np.ndarray]]:
+    """Return source, relative uncertainty and d(coordinates)/d ln(source) of what all runs share.
+
+    The fit follows a small change d of its residual by -(J'J)^-1 J'd.
+    """
+    known, n = model.known, len(model.runs)
+    rows = sum(w.size for w in model.weights) + len(model.heights)
+    data = np.zeros((J.shape[0], 2))
+    data[:rows, 0] = J[:rows, NAMES.index("belt_width")]
+    data[:rows, 1] = J[:rows, len(NAMES) + n : len(NAMES) + 2 * n].sum(axis=1)
+    here, step = model.residual(x), 1e-3
+    radius = (model.changed(R=known.R * (1.0 + step)).residual(x) - here) / step
+    outer = (model.changed(Ro=known.Ro * (1.0 + step)).residual(x) - here) / step
+    change = -np.linalg.lstsq(J, np.column_stack([data, radius, outer]), rcond=1e-13)[0]
+    sources = ("pressure", "load_gain", "belt_radius", "outer_radius")
+    sizes = (known.pressure_u, known.load_gain_u, known.R_u, known.outer_radius_u)
+    return [(name, u, change[:, j]) for j, (name, u) in enumerate(zip(sources, sizes, strict=True))]
+
+
+def _run_fit(
+    model: RingModel,
+    x: np.ndarray,
+    i: int,
+    residual: np.ndarray,
+    band: float,
+    slopes: np.ndarray,
+    covariance: np.ndarray,
+) -> RunFit:
+    run, w, g = model.runs[i], model.weights[i], model.member[i]
+    shared, n = len(NAMES), len(model.runs)
+    wave = model.waveform(x, i)
+    good = w > 0.0
+    line = np.stack([np.ones(run.theta.size), run.theta], axis=1)
+    offset = np.linalg.lstsq(line[good] * w[good, None], w[good] * (run.resistance[good] - wave[good]), rcond=None)[0]
+    contact = model.loaded(x)[g].contact
+    # The group's mean load stands for the run's own: they are within 0.3 %, which moves Lc by less than its mesh error.
+    slope = slopes[g]
+    angle = float(x[shared + i])
+    return RunFit(
+        run=run.run,
+        angle=angle,
+        resistance=float(offset[0]),
+        resistance_se=float(1.0 / np.sqrt((w**2).sum())),
+        load=run.load * math.exp(float(x[shared + n + i])),
+        model=wave + line @ offset,
+        residual=run.resistance - wave - line @ offset,
+        chi2_reduced=float(residual @ residual) / max(int(np.count_nonzero(good)) - 4, 1),
+        band_chi2_reduced=band,
+        contact_length=contact.length,
+        contact_length_se=float(np.sqrt(slope @ covariance @ slope)),
+        front=contact.front + angle,
+        rear=contact.rear + angle,
+        loaded_radius=contact.loaded_radius + (float(x[-1]) if model.heights else 0.0),
+    )
+
+
+__all__ = ["SCALED", "Influence", "RingFit", "RunFit", "fit_ring"]

@@ -1,0 +1,94 @@
+"""What the joint ring fit is given: averaged waveforms with their loads, and what is known of tire and sensor beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# A standard error estimated from a few revolutions scatters from bin to bin; its mean over neighbours weighs better.
+_NEIGHBOURS = 15
+
+
+@dataclass(frozen=True, eq=False)
+class RingRun:
+    """One bench run at constant load and speed. SI.
+
+    Attributes
+    ----------
+    run
+        Name.
+    theta, resistance, std_error
+        A whole turn of even angles (rad, the peak near 0), the averaged R2 there (ohm) and its standard error; NaN
+        where nothing was received; shape (n,) each.
+    load, load_se
+        Mean of the load cell (N) and the standard error of that mean, without the error of its gain.
+    rotation
+        Mean rotation, rad/s.
+    pressure
+        Inflation pressure p0, Pa.
+    nominal_load, nominal_speed
+        As set, N and m/s: what results are told at.
+    hub_height, hub_height_se
+        Mean height of the hub over the road and its standard error, m; None where it was not measured.
+    """
+
+    run: str
+    theta: np.ndarray
+    resistance: np.ndarray
+    std_error: np.ndarray
+    load: float
+    load_se: float
+    rotation: float
+    pressure: float
+    nominal_load: float
+    nominal_speed: float
+    hub_height: float | None = None
+    hub_height_se: float | None = None
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the ring fit takes from elsewhere. SI; `_u` are relative standard uncertainties.
+
+    Attributes
+    ----------
+    R, R_u
+        Belt radius: the effective rolling radius.
+    Ro, outer_radius_u
+        Free outer radius: half the nominal diameter, by convention taken as exact.
+    sensor_length, sensor_length_u
+        Length of the flex sensor; its prior.
+    belt_width
+        First guess, or None where there is none.
+    belt_width_u
+        None leaves the belt's width free. A number takes `belt_width` as known to that: it sets the scale of all
+        stiffnesses where the loads do not.
+    pressure_u, load_gain_u
+        Of the inflation pressure and of the load cell's gain, common to all runs.
+    """
+
+    R: float
+    R_u: float
+    Ro: float
+    sensor_length: float
+    sensor_length_u: float = 0.04
+    belt_width: float | None = None
+    belt_width_u: float | None = None
+    pressure_u: float = 0.01
+    load_gain_u: float = 0.005
+    outer_radius_u: float = 0.0
+
+
+def weights(run: RingRun) -> np.ndarray:
+    """Return one over the standard error of each bin, 1/ohm, smoothed; 0 where there is no value, shape (n,)."""
+    good = np.isfinite(run.resistance) & np.isfinite(run.std_error) & (run.std_error > 0.0)
+    variance = np.where(good, run.std_error, 0.0) ** 2
+    window = np.ones(_NEIGHBOURS)
+    reach = _NEIGHBOURS // 2
+
+    def around(values: np.ndarray) -> np.ndarray:
+        return np.convolve(np.concatenate([values[-reach:], values, values[:reach]]), window, mode="valid")
+
+    mean = around(variance) / np.maximum(around(good.astype(float)), 1.0)
+    return np.where(good, 1.0 / np.sqrt(np.where(good, mean, 1.0)), 0.0)
