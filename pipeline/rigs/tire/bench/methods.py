@@ -13,7 +13,7 @@ def methods(findings: Findings) -> Sequence[str]:
     """Return paragraphs that a second person can repeat the analysis from."""
     if "runs" not in findings.arrays:
         return []
-    paragraphs = [_passages(findings), _references(findings)]
+    paragraphs = [_passages(findings), _references()]
     if not findings.arrays["calibration"].empty:
         paragraphs.append(_calibration(findings))
     if not findings.arrays["ring"].empty:
@@ -37,7 +37,7 @@ def _passages(findings: Findings) -> str:
     )
 
 
-def _references(findings: Findings) -> str:
+def _references() -> str:
     return (
         "Load and speed of a run are means of the bench's channels over the same revolutions. The effective rolling radius is the slope of the "
         "line through the origin of surface speed over mean rotation, V = Re Ω, weighted by the noise of the means; an intercept was tested for "
