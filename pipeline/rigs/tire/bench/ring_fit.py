@@ -37,6 +37,8 @@ class RunFit:
 
     Attributes
     ----------
+    nominal_load, nominal_speed, rotation
+        N, m/s, rad/s.
     angle
         Where the patch's centre lies on the run's angles, rad.
     resistance, resistance_se
@@ -54,6 +56,9 @@ class RunFit:
     """
 
     run: str
+    nominal_load: float
+    nominal_speed: float
+    rotation: float
     angle: float
     resistance: float
     resistance_se: float
@@ -319,10 +324,9 @@ def _result(
     shared = J[:, : len(NAMES)]
     influences = _influences(model, x, J)
     covariance = widening * plain
-    combined = covariance + sum((np.outer(u * s, u * s) for _, u, s in influences), np.zeros_like(plain))
     slopes = model.length_slopes(x)
     fitted = tuple(
-        _run_fit(model, x, i, residuals[i], bands[i] / (2 * order), slopes, combined) for i in range(len(model.runs))
+        _run_fit(model, x, i, residuals[i], bands[i] / (2 * order), slopes, covariance) for i in range(len(model.runs))
     )
     units = np.array([SIZES.get(n, 1.0) for n in NAMES])
     k = len(NAMES)
@@ -394,10 +398,17 @@ def _run_fit(
     offset = np.linalg.lstsq(line[good] * w[good, None], w[good] * (run.resistance[good] - wave[good]), rcond=None)[0]
     contact = model.loaded(x)[g].contact
     # The group's mean load stands for the run's own: they are within 0.3 %, which moves Lc by less than its mesh error.
-    slope = slopes[g]
+    # Gain of the load cell, pressure and outer radius change stiffnesses and loads so that Lc stays; the belt's radius
+    # scales it.
+    slope = slopes[g].copy()
+    slope[shared + n + i] = -slope[[NAMES.index(name) for name in SCALED]].sum()
+    variance = float(slope @ covariance @ slope) + (model.known.R_u * contact.length) ** 2
     angle = float(x[shared + i])
     return RunFit(
         run=run.run,
+        nominal_load=run.nominal_load,
+        nominal_speed=run.nominal_speed,
+        rotation=run.rotation,
         angle=angle,
         resistance=float(offset[0]),
         resistance_se=float(1.0 / np.sqrt((w**2).sum())),
@@ -407,7 +418,7 @@ def _run_fit(
         chi2_reduced=float(residual @ residual) / max(int(np.count_nonzero(good)) - 4, 1),
         band_chi2_reduced=band,
         contact_length=contact.length,
-        contact_length_se=float(np.sqrt(slope @ covariance @ slope)),
+        contact_length_se=math.sqrt(variance),
         front=contact.front + angle,
         rear=contact.rear + angle,
         loaded_radius=contact.loaded_radius + (float(x[-1]) if model.heights else 0.0),
