@@ -100,7 +100,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
     held: list[bool] = []
     for truth in ({}, {"bearing": "5pad", "noise_memory": 0.5}):
         true = true_values(truth)
-        for seed in range(6):
+        for seed in range(4):
             found = BUMP.identify(synthesize(truth, 50 + seed), BumpSettings(), Context("bump", {}))
             for p in found.parameters:
                 value = true[p.name, float(p.at.get("plane", 0.0)), float(p.at.get("side", 0.0))]
