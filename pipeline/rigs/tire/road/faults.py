@@ -1,0 +1,190 @@
+"""What is wrong with a drive, in plain words: what its passages, its tracks and its reference channels tell (tire.md, 8).
+
+What the transmitter's log alone tells stands in `passages.passage_faults`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.errors import counted
+from pipeline.recording import QualityFinding
+from pipeline.rigs.tire.road.revolution_fit import REASONS
+from pipeline.rigs.tire.road.run_numbers import REVERSED, RunNumbers
+
+# A larger share of passages that tell nothing is a warning.
+_MANY_LOST = 0.2
+# Loads beyond this multiple of the bench's highest, below this of its least: the ring is carried far.
+FAR_ABOVE, FAR_BELOW = 1.5, 0.5
+# R0 differs from the bench's: more than temperature makes of carbon ink is another divider or another sensor.
+_WARMER, _OTHER_RESISTANCE = 0.01, 0.10
+# The waveform's scatter about the model over the drive's own noise: from here on the model does not fit.
+_MISFIT = 2.0
+# A mean difference to the reference beyond so many standard deviations, and this share of the load.
+_BIAS_SD, _BIAS_SHARE = 2.5, 0.01
+
+
+def faults_of(run: RunNumbers) -> list[QualityFinding]:
+    """Return what is to be said of one drive, besides what its log alone tells."""
+    found = [*_lost(run), *_bonding(run), *_direction(run), *_units(run), *_clocks(run)]
+    if run.has_forces:
+        found += [*_range(run), *_misfit(run), *_resistance(run), *_tracks(run), *_biases(run)]
+    return found
+
+
+def _warning(run: RunNumbers, text: str, channel: str | None = None) -> QualityFinding:
+    return QualityFinding("warning", text, run.run, channel)
+
+
+def _note(run: RunNumbers, text: str, channel: str | None = None) -> QualityFinding:
+    return QualityFinding("note", text, run.run, channel)
+
+
+def _lost(run: RunNumbers) -> Iterator[QualityFinding]:
+    m, lost = len(run.forces), run.passages_lost
+    if not lost:
+        return
+    why = ""
+    if run.has_forces:
+        reasons = run.forces.reason[~run.forces.fits]
+        counts = np.bincount(reasons, minlength=len(REASONS))
+        told = [f"{REASONS[place]}: {counts[place]}" for place in np.argsort(-counts) if place and counts[place]]
+        why = f" ({'; '.join(told[:4])})" if told else ""
+    share = lost / m
+    text = f"{counted(lost, 'passage')} of {m} ({100 * share:.1f} %) give no number{why}; the tracks are predicted through them."
+    if share > _MANY_LOST:
+        yield _warning(run, f"{text} The radio's shadow behind the rim, or a sensor that comes off?")
+    else:
+        yield _note(run, text)
+
+
+def _bonding(run: RunNumbers) -> Iterator[QualityFinding]:
+    if run.bonding is None or run.bonding.step is None:
+        return
+    step = run.bonding.step
+    change = 100.0 * (step.share - 1.0)
+    after = run.device.span[1]
+    text = (
+        f"the flex sensor's amplitude {'fell' if change < 0 else 'rose'} by {abs(change):.0f} % at t = {step.time:.2f} s while the PVDF "
+        f"film's {'did not' if abs(step.film_share - 1.0) < 0.1 else f'changed by {100 * (step.film_share - 1.0):+.0f} %'}: debonding "
+        "or a cracked sensor. Loads and forces from then on are withheld; glue the sensor anew and calibrate it again."
+    )
+    yield QualityFinding("warning", text, run.run, "flex_code", (step.time, after))
+
+
+def _direction(run: RunNumbers) -> Iterator[QualityFinding]:
+    if run.reversed:
+        yield _warning(run, f"{REVERSED}. Longitudinal force is withheld.")
+
+
+def _units(run: RunNumbers) -> Iterator[QualityFinding]:
+    compared = run.comparison
+    if compared is not None and compared.speed_unit not in ("m/s", ""):
+        yield _warning(
+            run,
+            f"speed unit: the reference speed over the rotation looks like {compared.speed_unit}, not m/s; it is not compared. "
+            "State the unit of that channel in the recipe.",
+            "vehicle_speed",
+        )
+    for remark in compared.remarks if compared is not None else ():
+        yield _note(run, remark)
+
+
+def _clocks(run: RunNumbers) -> Iterator[QualityFinding]:
+    compared = run.comparison
+    if compared is None or not compared.offset_applied:
+        return
+    yield _warning(
+        run,
+        f"the clocks of transmitter and vehicle are {compared.offset:+.3f} s apart (standard error {compared.offset_se:.3f} s); the "
+        "reference channels are shifted by that. Start both loggers from one signal.",
+    )
+
+
+def _range(run: RunNumbers) -> Iterator[QualityFinding]:
+    tire = run.carried.tire
+    loads = run.forces.load[run.forces.fits]
+    if tire is None or not loads.size:
+        return
+    least, most = tire.bench.loads
+    low, high = np.percentile(loads, [5.0, 95.0])
+    if high > FAR_ABOVE * most or low < FAR_BELOW * least:
+        yield _warning(
+            run,
+            f"loads from {low:.0f} to {high:.0f} N lie far outside the bench's {least:.0f} to {most:.0f} N: the ring model is carried "
+            "where nothing was measured. Calibrate up to the loads of the road.",
+        )
+
+
+def _misfit(run: RunNumbers) -> Iterator[QualityFinding]:
+    fits = run.forces.fits
+    misfit = float(np.nanmedian(run.forces.misfit)) if np.isfinite(run.forces.misfit).any() else math.nan
+    if misfit > _MISFIT or (fits.size and fits.mean() < 0.5):
+        told = f"chi2 over its degrees of freedom {misfit:.1f}" if math.isfinite(misfit) else "no revolution fits"
+        yield _warning(
+            run,
+            f"the waveforms are not those of the bench's ring ({told}, {100 * fits.mean():.0f} % of the revolutions fit): another "
+            "pressure or tire than stated, a sensor that comes off, or a road that is not flat under the patch.",
+        )
+
+
+def _resistance(run: RunNumbers) -> Iterator[QualityFinding]:
+    tire, resistance = run.carried.tire, run.forces.resistance[run.forces.fits]
+    if tire is None or tire.bench.resistance is None or not resistance.size:
+        return
+    R0 = float(np.median(resistance))
+    off = R0 / tire.bench.resistance - 1.0
+    if abs(off) <= _WARMER:
+        return
+    told = f"R0 is {R0:.5g} ohm here and {tire.bench.resistance:.5g} ohm on the bench ({100 * off:+.1f} %)"
+    if abs(off) > _OTHER_RESISTANCE:
+        yield _warning(
+            run,
+            f"{told}: another resistor R1, supply or sensor than stated? Loads scale with the sensor's gain and are wrong by as much. "
+            "Check divider_resistance, supply_voltage and adc_reference.",
+        )
+    else:
+        yield _warning(
+            run,
+            f"{told}: temperature? R0 is taken out of every revolution; a gain that drifts along with it is not, and would shift the "
+            f"load by {abs(100 * off) * run.gain_to_load:.0f} N.",
+        )
+
+
+def _tracks(run: RunNumbers) -> Iterator[QualityFinding]:
+    for name, words in (("load", "load"), ("force", "longitudinal force"), ("rotation", "rotation")):
+        track = run.tracks.get(name)
+        if track is None:
+            continue
+        if not track.consistent:
+            yield _warning(run, f"the filter of the {words} is not consistent with its innovations: {track.verdict}")
+        gated = int(np.count_nonzero(track.gated))
+        if gated > max(3, 0.02 * len(run.forces)):
+            yield _note(run, f"{counted(gated, 'revolution')} of the {words} stand off by more than the gate (NIS > 10.8) and are left out of its track.")
+
+
+def _biases(run: RunNumbers) -> Iterator[QualityFinding]:
+    """Tell of a mean difference to a reference that the stated uncertainties do not explain."""
+    compared = run.comparison
+    if compared is None or run.reversed:
+        return
+    loads = run.forces.load[run.forces.fits]
+    if not loads.size:
+        return
+    typical = float(np.median(loads))
+    for bias, common, channel, floor in (
+        (compared.load_bias, run.load_sd, "vertical_load", _BIAS_SHARE * typical),
+        (compared.force_bias, run.force_sd, "longitudinal_force", _BIAS_SHARE * typical),
+    ):
+        known = common[np.isfinite(common)]
+        spread = math.hypot(float(np.median(known)) if known.size else 0.0, floor)
+        if bias is not None and math.isfinite(bias) and abs(bias) > _BIAS_SD * spread:
+            yield _warning(
+                run,
+                f"the mean difference to {channel} is {bias:+.0f} N, more than bench and pressure leave uncertain ({spread:.0f} N): "
+                "pressure, temperature, gain of the sensor or zero of the reference changed since the bench.",
+                channel,
+            )

@@ -1,0 +1,121 @@
+"""`tire.road`: from recordings to findings. Each step is one call; the steps stand in their own modules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from pipeline.errors import InputError, counted, listing
+from pipeline.findings import Findings, Quality, Run
+from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.experiment import Context
+from pipeline.rigs.tire.passages.passage_faults import passage_findings
+from pipeline.rigs.tire.road.arrays import arrays_of
+from pipeline.rigs.tire.road.declaration import RoadSettings
+from pipeline.rigs.tire.road.faults import faults_of
+from pipeline.rigs.tire.road.handed_over import Chosen, chosen
+from pipeline.rigs.tire.road.models import models_of
+from pipeline.rigs.tire.road.parameters import parameters_of
+from pipeline.rigs.tire.road.published import published
+from pipeline.rigs.tire.road.run_numbers import Libraries, RunNumbers, numbers_of
+from pipeline.rigs.tire.road.verdict import judge
+
+
+@dataclass
+class _Sorted:
+    """Numbers of the drives that can be used, why others are left out, and what was noticed."""
+
+    numbers: list[RunNumbers] = field(default_factory=list)
+    left_out: dict[str, str] = field(default_factory=dict)
+    quality: list[QualityFinding] = field(default_factory=list)
+
+    def leave_out(self, run: str, reason: str) -> None:
+        """Leave a run out and say why."""
+        self.left_out[run] = reason
+        self.quality.append(QualityFinding("error", f"left out: {reason}", run))
+
+
+def identify(recordings: Sequence[Recording], settings: RoadSettings, context: Context) -> Findings:
+    """Identify a campaign of drives.
+
+    Raises
+    ------
+    InputError
+        If no drive can be used at all.
+    """
+    choice = chosen(context.uses)
+    runs = _Sorted(quality=list(choice.findings))
+    libraries = Libraries()
+    sizes = [max(1, max((stream.size for stream in r.streams.values()), default=1)) for r in recordings]
+    done = 0
+    for recording, size in zip(recordings, sizes, strict=True):
+        before, share = done / sum(sizes), size / sum(sizes)
+        _sort(recording, runs, choice, settings, libraries, _within(context, recording.run, before, share))
+        done += size
+    if not runs.numbers:
+        raise InputError(_nothing_usable(runs, recordings, context))
+    runs.quality = list(dict.fromkeys(runs.quality))
+    said = judge(runs.numbers, choice, runs.left_out, runs.quality)
+    return Findings(
+        campaign=context.campaign,
+        experiment="tire.road",
+        verdict=said.verdict,
+        reasons=said.reasons,
+        parameters=parameters_of(runs.numbers),
+        models=models_of(runs.numbers),
+        published=published(runs.numbers),
+        quality=[
+            Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in runs.quality
+        ],
+        runs=[
+            Run(
+                run=r.run,
+                used=r.run not in runs.left_out,
+                reason=runs.left_out.get(r.run, ""),
+                conditions=dict(r.conditions),
+            )
+            for r in recordings
+        ],
+        advice=said.advice,
+        arrays=arrays_of(runs.numbers),
+    )
+
+
+def _within(context: Context, run: str, before: float, share: float) -> Callable[[float], None]:
+    """Return what turns the share of one log that is done into that of the campaign."""
+    return lambda done: context.progress(before + share * done, f"run {run}")
+
+
+def _sort(
+    recording: Recording,
+    runs: _Sorted,
+    choice: Chosen,
+    settings: RoadSettings,
+    libraries: Libraries,
+    progress: Callable[[float], None],
+) -> None:
+    """Find the numbers of one drive, or why it has none."""
+    try:
+        numbers = numbers_of(recording, choice, settings, libraries, progress)
+    except InputError as error:
+        runs.leave_out(recording.run, str(error))
+        return
+    found = [*numbers.findings, *passage_findings(numbers.device, numbers.course, None)]
+    errors = [q.message for q in found if q.level == "error"]
+    if errors or not numbers.usable.any():
+        runs.quality += found
+        runs.leave_out(recording.run, errors[0] if errors else "no revolution of it can be used")
+        return
+    runs.quality += [*found, *faults_of(numbers)]
+    runs.numbers.append(numbers)
+
+
+def _nothing_usable(runs: _Sorted, recordings: Sequence[Recording], context: Context) -> str:
+    """Say why no drive can be used: the first reason, and how many others there are."""
+    if not runs.left_out:
+        return f"campaign '{context.campaign}': there is no run."
+    (first, reason), *others = runs.left_out.items()
+    files = [source.path for r in recordings if r.run == first for source in r.provenance.files]
+    place = f"run '{first}' ({listing(files)})" if files else f"run '{first}'"
+    more = f" The same or another reason holds for {counted(len(others), 'more run')}." if others else ""
+    return f"campaign '{context.campaign}': no drive can be used; {place}: {reason}{more}"

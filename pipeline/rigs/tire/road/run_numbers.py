@@ -1,0 +1,263 @@
+"""One drive, from its log to the numbers of every revolution: in blocks, so that memory does not follow its length."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.tire.passages.device import Device, device_of
+from pipeline.rigs.tire.passages.passage_faults import Course, course_of
+from pipeline.rigs.tire.passages.revolutions import Revolutions, revolutions_of
+from pipeline.rigs.tire.road.asymmetry import Asymmetry, AsymmetrySum
+from pipeline.rigs.tire.road.carried_errors import calibrated
+from pipeline.rigs.tire.road.debonding import Bonding, debonding
+from pipeline.rigs.tire.road.declaration import RoadSettings
+from pipeline.rigs.tire.road.events import Event, events
+from pipeline.rigs.tire.road.handed_over import Carried, Chosen, RoadTire, carried
+from pipeline.rigs.tire.road.library import WaveformLibrary, library
+from pipeline.rigs.tire.road.noise_spectrum import NoiseSpectrum
+from pipeline.rigs.tire.road.record import References, references_of
+from pipeline.rigs.tire.road.reference import Comparison, ReferenceTable, compare
+from pipeline.rigs.tire.road.revolution_fit import Forces, RevolutionFit, joined
+from pipeline.rigs.tire.road.rotation_only import without_forces
+from pipeline.rigs.tire.road.systematic import systematic
+from pipeline.rigs.tire.road.tracking import Track, track
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class RunNumbers:
+    """What one drive tells; arrays per revolution have shape (m,).
+
+    Attributes
+    ----------
+    carried
+        What of the bench holds for it; without a tire load and force are NaN.
+    forces, speed, speed_se
+        Each revolution for itself; peripheral speed Re Omega, m/s.
+    load_sd, force_sd, speed_sd
+        What the bench leaves uncertain, N, N, m/s: common to all revolutions.
+    tracks
+        Filtered ``load``, ``force`` (N) and ``rotation`` (rad/s).
+    comparison
+        With the reference channels; None where there are none.
+    asymmetry, noise
+        Dips of some revolutions, spectrum of the noise: for the report.
+    """
+
+    run: str
+    device: Device
+    course: Course
+    carried: Carried
+    forces: Forces
+    speed: np.ndarray
+    speed_se: np.ndarray
+    load_sd: np.ndarray
+    force_sd: np.ndarray
+    speed_sd: np.ndarray
+    tracks: Mapping[str, Track]
+    events: tuple[Event, ...]
+    bonding: Bonding | None
+    references: References
+    comparison: Comparison | None
+    asymmetry: Asymmetry
+    noise: NoiseSpectrum | None
+    findings: tuple[QualityFinding, ...]
+
+    @property
+    def usable(self) -> np.ndarray:
+        """Which revolutions have the numbers that this drive gives, bool, shape (m,)."""
+        return self.forces.fits if self.has_forces else np.isfinite(self.forces.speed)
+
+    @property
+    def passages_lost(self) -> int:
+        """Passages that no sample shows or that were dropped."""
+        return int(np.count_nonzero(~self.usable))
+
+    @property
+    def bandwidth(self) -> tuple[float, float]:
+        """Least and most of half the revolutions in a second, Hz: what changes faster is not seen."""
+        rate = self.forces.speed[np.isfinite(self.forces.speed)] / (4.0 * math.pi)
+        return (float(rate.min()), float(rate.max())) if rate.size else (math.nan, math.nan)
+
+    @property
+    def has_forces(self) -> bool:
+        """Whether a bench gives load and force."""
+        return self.carried.tire is not None
+
+
+class Libraries:
+    """The libraries of a campaign: drives of one tire at one pressure share theirs."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[object, ...], WaveformLibrary] = {}
+
+    def of(self, tire: RoadTire) -> WaveformLibrary:
+        """Return the library of a tire."""
+        key = (tire.ring, tire.tread, tire.Ro, tire.sensor)
+        if key not in self._known:
+            self._known[key] = library(calibrated(tire))
+        return self._known[key]
+
+
+def numbers_of(
+    recording: Recording, choice: Chosen, settings: RoadSettings, libraries: Libraries, progress: Progress
+) -> RunNumbers:
+    """Return the numbers of a drive.
+
+    Parameters
+    ----------
+    recording
+        Its device table is read block by block, once.
+    choice
+        The bench that was chosen.
+    settings, libraries
+        Of the campaign.
+    progress
+        Is told the share of the log that is done.
+
+    Raises
+    ------
+    InputError
+        If it holds no passages of the sensor at all, or its tire size is none.
+    """
+    device = device_of(recording)
+    held = carried(choice, recording.run, recording.conditions)
+    known = libraries.of(held.tire) if held.tire is not None else None
+    forces, course, asymmetry, noise = _passed(device, known, progress)
+    references = references_of(recording)
+    load_sd, force_sd = _systematic(held, known, forces)
+    radius = held.radius
+    return RunNumbers(
+        run=recording.run,
+        device=device,
+        course=course,
+        carried=held,
+        forces=forces,
+        speed=radius.value * forces.speed,
+        speed_se=radius.value * forces.speed_se,
+        load_sd=load_sd,
+        force_sd=force_sd,
+        speed_sd=radius.std_error * forces.speed,
+        tracks=_tracks(forces, held, settings),
+        events=_events(forces, held, settings),
+        bonding=_bonding(forces, held, course),
+        references=references,
+        comparison=_compared(forces, references, held, device),
+        asymmetry=asymmetry,
+        noise=noise,
+        findings=(*held.findings, *references.findings),
+    )
+
+
+def _passed(
+    device: Device, known: WaveformLibrary | None, progress: Progress
+) -> tuple[Forces, Course, Asymmetry, NoiseSpectrum | None]:
+    """Go through the log once."""
+    fit = RevolutionFit(known) if known is not None else None
+    parts: list[Forces] = []
+    dips = AsymmetrySum(known)
+    start, end = device.span
+
+    def passing() -> Iterator[Revolutions]:
+        for block in revolutions_of(device):
+            found = fit.add(block) if fit is not None else without_forces(block)
+            if found is not None:
+                parts.append(found)
+            dips.add(block)
+            if block.times.size:
+                progress((float(block.times[-1]) - start) / max(end - start, 1e-9))
+            yield block
+
+    course = course_of(passing())
+    rest = fit.close() if fit is not None else None
+    if rest is not None:
+        parts.append(rest)
+    progress(1.0)
+    forces = joined(parts)
+    return forces, course, dips.close(forces), fit.noise if fit is not None else None
+
+
+def _systematic(held: Carried, known: WaveformLibrary | None, forces: Forces) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the bench leaves uncertain of load and force, N, shape (m,) each."""
+    if known is None or held.tire is None or not forces.fits.any():
+        nothing = np.full(len(forces), math.nan)
+        return nothing, nothing
+    errors = systematic(known, forces.speed[forces.fits])
+    load = errors.load_sd(forces.load, forces.force, forces.speed)
+    force = errors.force_sd(forces.load, forces.force, forces.speed)
+    correction = held.tire.correction_u
+    return np.hypot(load, correction * np.abs(forces.load)), np.hypot(force, correction * np.abs(forces.force))
+
+
+def _tracks(forces: Forces, held: Carried, settings: RoadSettings) -> dict[str, Track]:
+    found = {}
+    known = np.isfinite(forces.speed) & np.isfinite(forces.speed_se)
+    if known.any():
+        found["rotation"] = track(
+            forces.time, forces.speed, forces.speed_se, q=settings.rotation_walk, tune=settings.tune_walk, usable=known
+        )
+    if held.tire is not None and forces.fits.any():
+        for name, values, se in (
+            ("load", forces.load, forces.load_se),
+            ("force", forces.force, forces.force_se),
+        ):
+            found[name] = track(
+                forces.time, values, se, q=settings.force_walk, tune=settings.tune_walk, usable=forces.fits
+            )
+    return found
+
+
+def _events(forces: Forces, held: Carried, settings: RoadSettings) -> tuple[Event, ...]:
+    if held.tire is None or not forces.fits.any():
+        return ()
+    found = events(
+        forces.time,
+        forces.speed,
+        forces.load,
+        forces.load_se,
+        forces.force,
+        forces.force_se,
+        usable=forces.fits,
+        deviation=settings.event_sd,
+        longitudinal=settings.longitudinal_sd,
+        window=settings.event_median,
+    )
+    return tuple(found)
+
+
+def _bonding(forces: Forces, held: Carried, course: Course) -> Bonding | None:
+    """Return how the flex sensor answers compared with the film; without forces by the heights of both alone."""
+    if held.tire is not None:
+        return debonding(forces.time, forces.amplitude, forces.film_amplitude)
+    if course.film_amplitude is None:
+        return None
+    return debonding(course.times, course.amplitude, course.film_amplitude)
+
+
+def _compared(forces: Forces, references: References, held: Carried, device: Device) -> Comparison | None:
+    """Hold the drive against its reference channels."""
+    channels = {
+        name: channel
+        for name, channel in (
+            ("load", references.get("vertical_load")),
+            ("force", references.get("longitudinal_force")),
+            ("speed", references.speed),
+            ("acceleration", references.get("longitudinal_acceleration")),
+        )
+        if channel is not None and channel.time.size > 1
+    }
+    if not channels:
+        return None
+    time = max((channel.time for channel in channels.values()), key=len)
+    on = {
+        name: np.interp(time, channel.time, channel.values, left=math.nan, right=math.nan)
+        for name, channel in channels.items()
+    }
+    table = ReferenceTable(time, on.get("load"), on.get("force"), on.get("speed"), on.get("acceleration"))
+    return compare(forces, table, held.radius.value, device.span[1] - device.span[0])

@@ -1,0 +1,138 @@
+"""Tables and figures on the data of the drives: losses and gaps, what the bench handed over, the clocks."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import (
+    Axis,
+    Cell,
+    Column,
+    Figure,
+    Line,
+    Panel,
+    Status,
+    Stems,
+    Table,
+    Text,
+    Value,
+)
+from pipeline.rigs.tire.road.sections_tracks import TIME, of_run, rows_of
+
+_FINE_LOSS = 0.05
+
+
+def drives_table(findings: Findings) -> list[Table]:
+    """Return what each log lost and what is left of it."""
+    rows: list[list[Cell]] = [
+        [
+            str(row["run"]), Value(row["duration"]), _finite(row["packet_loss"]), Value(row["longest_gap"]), int(row["revolutions"]),
+            int(row["passages_lost"]), _finite(row["bandwidth_low"]), _finite(row["bandwidth_high"]),
+        ]
+        for row in rows_of(findings.arrays["drives"])
+    ]  # fmt: skip
+    return [
+        Table(
+            "drives",
+            "What the radio brought",
+            "A passage without a number was lost, or its waveform is not that of a ring. One number a revolution limits what is seen to "
+            "half a revolution a second, at the slowest and at the fastest.",
+            [Column("run"), Column("length", "s"), Column("packets lost", "%"), Column("longest gap", "s"), Column("passages"),
+             Column("without a number"), Column("seen up to, slowest", "Hz"), Column("fastest", "Hz")],
+            rows,
+        )
+    ]  # fmt: skip
+
+
+def data(findings: Findings) -> list[Figure]:
+    """Return losses over time."""
+    panels = []
+    for run in findings.arrays["drives"]["run"]:
+        table = of_run(findings.arrays["gaps"], str(run))
+        time = table["time"].to_numpy()
+        width = float(np.median(np.diff(time))) if time.size > 1 else 1.0
+        marks = [Stems(time, table["share"].to_numpy(), "fault", "samples lost", width=width)]
+        panels.append(Panel(marks, TIME, Axis("samples lost", "%"), f"run {run}: samples lost"))
+        longest = Line(time, table["longest"].to_numpy(), "measured", "longest gap")
+        panels.append(Panel([longest], TIME, Axis("longest gap", "s"), f"run {run}: longest gap"))
+    return [
+        Figure(
+            "losses",
+            "Losses along the drive",
+            "Where did the radio fail? Lost samples stay missing: nothing is interpolated before the fit.",
+            "share of lost samples and longest gap over time",
+            panels,
+            columns=2,
+        )
+    ]
+
+
+def bench_table(findings: Findings) -> list[Table | Text]:
+    """Return what of the bench is used, and whether loads are extrapolated."""
+    drives = rows_of(findings.arrays["drives"])
+    told = [
+        f"Run {row['run']}: no load and no force: {row['reason']}" for row in drives if row["reason"] and not row["bench"]
+    ]
+    blocks: list[Table | Text] = [Text(told)] if told else []
+    rows = [_bench_row(row) for row in drives]
+    return [
+        *blocks,
+        Table(
+            "bench",
+            "Bench and drive",
+            "Speed is peripheral speed, rolling radius times rotation: slip is in it. Load and force rest on the ring, tread and sensor "
+            "of the bench at the pressure of the drive; their common uncertainty moves all revolutions together.",
+            [Column("run"), Column("bench"), Column("rolling radius", "m"), Column("pressure, bench", "Pa"),
+             Column("pressure, drive", "Pa"), Column("loads, bench"), Column("loads, drive"), Column("extrapolated"),
+             Column("common sd of load", "N"), Column("common sd of force", "N")],
+            rows,
+        ),
+        *_references(drives),
+    ]  # fmt: skip
+
+
+def _bench_row(row: dict[str, Any]) -> list[Cell]:
+    radius = Value(row["radius"], row["radius_sd"]) if math.isfinite(row["radius"]) else None
+    if not row["bench"]:
+        return [str(row["run"]), "none", radius, *[None] * 7]
+    share = float(row["extrapolated"])
+    extrapolated = Status(f"yes, {100 * share:.0f} %", "warning") if share > 0.0 else Status("no", "ok")
+    return [
+        str(row["run"]), str(row["bench"]), radius, _finite(row["bench_pressure"]), _finite(row["pressure"]),
+        f"{row['least_bench_load']:.0f} to {row['most_bench_load']:.0f} N", f"{row['lowest_load']:.0f} to {row['highest_load']:.0f} N",
+        extrapolated, _finite(row["load_sd"]), _finite(row["force_sd"]),
+    ]  # fmt: skip
+
+
+def _references(drives: list[dict[str, Any]]) -> list[Table]:
+    """Return how the drive compares with its reference channels."""
+    rows: list[list[Cell]] = [
+        [
+            str(row["run"]), _finite(row["load_bias"]), _finite(row["force_bias"]), _finite(row["speed_rms"]),
+            Value(row["offset"], row["offset_sd"]) if math.isfinite(row["offset"]) else None,
+            Status("applied", "warning") if row["offset_applied"] is True or row["offset_applied"] == 1.0 else Status("not significant", "ok"),
+        ]
+        for row in drives
+        if any(math.isfinite(row[name]) for name in ("load_bias", "force_bias", "speed_rms"))
+    ]  # fmt: skip
+    if not rows:
+        return []
+    return [
+        Table(
+            "references",
+            "Against the reference channels",
+            "Mean differences of load and force, difference of peripheral and vehicle speed (slip is in it), and how far the clocks of "
+            "transmitter and vehicle are apart.",
+            [Column("run"), Column("load, mean difference", "N"), Column("force, mean difference", "N"),
+             Column("speed, rms difference", "m/s"), Column("clock of the vehicle", "s"), Column("")],
+            rows,
+        )
+    ]  # fmt: skip
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None

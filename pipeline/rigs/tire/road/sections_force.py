@@ -1,0 +1,93 @@
+"""Figures on the waveform of a drive: dips over the longitudinal force, bonding, the road's noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.findings import Findings
+from pipeline.findings.figures import Axis, Figure, Line, Mark, Panel, Points, Rule, Text
+from pipeline.rigs.tire.road.sections_tracks import FORCE, TIME, of_run, rows_of
+
+_OHM = Axis("trailing less leading dip A", "ohm")
+
+
+def dips(findings: Findings) -> list[Figure]:
+    """Return the asymmetry of the dips over the longitudinal force."""
+    panels = []
+    for run in findings.arrays["drives"]["run"]:
+        table = of_run(findings.arrays["asymmetry"], str(run))
+        table = table[np.isfinite(table["force"])]
+        if table.empty:
+            continue
+        model = of_run(findings.arrays["asymmetry_model"], str(run))
+        words = "Fx of the reference channel" if bool(table["reference"].iloc[0]) else "Fx of the fit"
+        marks: list[Mark] = [Points(table["force"].to_numpy(), table["asymmetry"].to_numpy(), "measured", "one revolution")]
+        if len(model):
+            marks.append(Line(model["force"].to_numpy(), model["asymmetry"].to_numpy(), "model", "ring of the bench"))
+        panels.append(Panel(marks, Axis(words, FORCE.unit), _OHM, f"run {run}"))
+    if not panels:
+        return []
+    return [
+        Figure(
+            "dips",
+            "Dips over the longitudinal force",
+            "Does driving deepen the leading dip as the ring says? A grows with Fx; at Fx = 0 it is not zero, because hysteresis makes "
+            "free rolling unsymmetric. The line is the bench's ring at the median load: nothing is fitted here.",
+            "difference of the two dips over the longitudinal force, measured and by the ring model",
+            panels,
+            columns=2 if len(panels) > 1 else 1,
+        )
+    ]
+
+
+def bonding(findings: Findings) -> list[Figure | Text]:
+    """Return the flex sensor's answer over the film's along each drive."""
+    panels = []
+    for run in findings.arrays["drives"]["run"]:
+        table = of_run(findings.arrays["evidence"], str(run))
+        table = table[np.isfinite(table["film_ratio"])]
+        if table.empty:
+            continue
+        marks: list[Mark] = [
+            Points(table["time"].to_numpy(), table["film_ratio"].to_numpy(), "measured", "one revolution"),
+            Rule(y=1.0),
+        ]
+        panels.append(Panel(marks, TIME, Axis("flex over PVDF, relative", "1"), f"run {run}"))
+    told = [f"Run {row['run']}: {row['bonding']}." for row in rows_of(findings.arrays["drives"])]
+    told = [text.replace("..", ".") for text in told]
+    if not panels:
+        return [Text(told)]
+    return [
+        Text(told),
+        Figure(
+            "bonding",
+            "Flex sensor against PVDF film",
+            "Both see the same bending. A sensor that comes off answers less while the film does not: the ratio steps.",
+            "ratio of the amplitudes of flex sensor and PVDF film over time",
+            panels,
+            columns=2 if len(panels) > 1 else 1,
+        ),
+    ]
+
+
+def spectra(findings: Findings) -> list[Figure]:
+    """Return the noise that weighs the orders of a revolution."""
+    noise = findings.arrays["noise"]
+    marks: list[Mark] = []
+    for place, run in enumerate(findings.arrays["drives"]["run"]):
+        table = of_run(noise, str(run))
+        if len(table):
+            frequency, density = table["frequency"].to_numpy(), table["density"].to_numpy()
+            marks.append(Line(frequency, np.sqrt(density), place, f"run {run}"))
+    if not marks:
+        return []
+    return [
+        Figure(
+            "noise",
+            "Noise of the flex channel on the road",
+            "What the fits leave over, by frequency: it weighs the orders of each revolution, so that standard errors hold under "
+            "coloured road noise.",
+            "amplitude density of the noise of the flex voltage over frequency",
+            [Panel(marks, Axis("frequency", "Hz", "log"), Axis("noise density", "V/Hz^0.5", "log"))],
+        )
+    ]
