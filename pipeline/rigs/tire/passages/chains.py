@@ -1,0 +1,104 @@
+"""Passages in order: doubles dropped, lost ones put in, the chain broken where the wheel stood (tire.md, 5.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Two passages nearer than this share of the local period are one.
+_DOUBLE = 0.5
+# An interval is so many periods if it differs from them by less than this share of one.
+_OFF = 0.25
+_MOST_LOST = 8
+# A passage can have been lost only where less than this share of its samples is there.
+_THERE = 0.8
+_REACH = 0.05
+# From one revolution to the next the period changes by no more than this factor, else the wheel nearly stood.
+_FASTER = 1.6
+_NEIGHBOURS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Passages one revolution apart: places (samples) and whether each was put in, shape (m,)."""
+
+    places: np.ndarray
+    repaired: np.ndarray
+
+
+def chains_of(places: np.ndarray, heights: np.ndarray, valid: np.ndarray) -> tuple[list[Chain], int]:
+    """Return the chains of three and more passages, and how many doubles were dropped.
+
+    Parameters
+    ----------
+    places, heights
+        Candidates, in samples and V, shape (p,), in order.
+    valid
+        How many samples are valid up to each, shape (n + 1,), cumulative.
+    """
+    kept = _without_doubles(places, heights)
+    doubled = places.size - kept.size
+    places = places[kept]
+    if places.size < 3:
+        return [], doubled
+    chains: list[Chain] = []
+    current, marks = [float(places[0])], [False]
+    periods = np.diff(places)
+    for i, period in enumerate(periods.tolist()):
+        usual = _usual(periods, i)
+        turns = round(period / usual) if usual > 0.0 else 1
+        inserted = np.linspace(places[i], places[i + 1], turns + 1)[1:-1] if 2 <= turns <= _MOST_LOST else np.zeros(0)
+        whole = abs(period / usual - turns) < _OFF
+        if inserted.size and whole and all(_lost(valid, at, usual) for at in inserted):
+            current += inserted.tolist()
+            marks += [True] * inserted.size
+        elif not 1.0 / _FASTER < period / usual < _FASTER:
+            chains.append(Chain(np.array(current), np.array(marks)))
+            current, marks = [], []
+        current.append(float(places[i + 1]))
+        marks.append(False)
+    chains.append(Chain(np.array(current), np.array(marks)))
+    return [chain for chain in chains if chain.places.size >= 3], doubled
+
+
+def _without_doubles(places: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Return which candidates stay: of two too near to each other the higher one."""
+    kept = np.arange(places.size)
+    while kept.size >= 3:
+        periods = np.diff(places[kept])
+        usual = np.array([_usual(periods, i) for i in range(periods.size)])
+        near = np.flatnonzero(periods < _DOUBLE * usual)
+        # Half of all intervals short means that the wheel is fast there, not that peaks are double.
+        near = [i for i in near if not _both_short(periods, usual, int(i))]
+        if not near:
+            break
+        i = int(near[0])
+        kept = np.delete(kept, i if heights[kept[i]] < heights[kept[i + 1]] else i + 1)
+    return kept
+
+
+def _both_short(periods: np.ndarray, usual: np.ndarray, i: int) -> bool:
+    """Tell whether a neighbouring interval is as short: then the speed changed."""
+    beside = [periods[k] for k in (i - 1, i + 1) if 0 <= k < periods.size]
+    return any(abs(other / periods[i] - 1.0) < _OFF for other in beside)
+
+
+def _usual(periods: np.ndarray, i: int) -> float:
+    """Return the median period of up to four neighbours on either side, the nearer side of which may be another speed."""
+    before = periods[max(i - _NEIGHBOURS, 0) : i]
+    after = periods[i + 1 : i + 1 + _NEIGHBOURS]
+    sides = [float(np.median(side)) for side in (before[-2:], after[:2]) if side.size]
+    around = np.concatenate([before, after])
+    if not around.size:
+        return float(periods[i])
+    middle = float(np.median(around))
+    # While the speed changes, the neighbours next to the interval tell more than the median of all.
+    near = float(np.mean(sides))
+    return near if abs(near / middle - 1.0) < 0.3 else middle
+
+
+def _lost(valid: np.ndarray, at: float, period: float) -> bool:
+    begin = int(np.clip(at - _REACH * period, 0, valid.size - 1))
+    end = int(np.clip(at + _REACH * period + 1, 0, valid.size - 1))
+    return end <= begin or (valid[end] - valid[begin]) < _THERE * (end - begin)

@@ -1,0 +1,330 @@
+"""Where each row of the device's table stands on the grid of its samples (tire.md, 5.1).
+
+The number of the sample tells it, else the packet counter, unwrapped with the help of time, else time alone. Values
+are not read here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.recording import Stream
+
+# The log's own times are believed against the stated rate from this relative difference on.
+_RATE_DIFFERS = 2e-3
+# A number of the sample that leaves what time tells by more than so many seconds (and this share of the jump) is wrong.
+_STRAY, _STRAY_SHARE = 0.5, 0.02
+# A counter that lags behind time by so many seconds stood still meanwhile: the transmitter slept.
+_SLEEP = 0.05
+_SMALL_COUNTER = 4
+
+
+@dataclass(frozen=True)
+class Loss:
+    """What the radio lost: share of the packets, longest gap (s), packets missing.
+
+    `share` is NaN where it cannot be told (a gated log whose counter counts time).
+    """
+
+    share: float
+    longest: float
+    packets: int
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Runs of consecutive samples.
+
+    Attributes
+    ----------
+    rows, places
+        First row of each run and its number on the grid (from 0), shape (r,) each.
+    size
+        Rows of the table.
+    rate
+        Samples per second of the device.
+    begins
+        When sample 0 was taken, s.
+    loss
+        What is missing, sleep of a gated transmitter left out where its counter tells it.
+    counter_bits
+        Of the packet counter as it wraps; 0 without one.
+    slept
+        Whether the counter stood while samples are missing.
+    by
+        What the grid was made from: ``sample_index``, ``packet_counter`` or ``time``.
+    remarks
+        What was found odd on the way, in sentences.
+    """
+
+    rows: np.ndarray
+    places: np.ndarray
+    size: int
+    rate: float
+    begins: float
+    loss: Loss
+    counter_bits: int
+    slept: bool
+    by: str
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def samples(self) -> int:
+        """Length of the grid."""
+        return int(self.places[-1]) + self.size - int(self.rows[-1])
+
+
+def layout_of(stream: Stream, told: Mapping[str, float]) -> Layout:
+    """Return the layout of the device's table, read in pieces.
+
+    Parameters
+    ----------
+    stream
+        Holds ``sample_index`` or ``packet_counter`` or neither.
+    told
+        Conditions as far as they are known: ``sample_rate`` (Hz), ``frames_per_packet``, ``counter_bits``, ``gated``.
+
+    Raises
+    ------
+    InputError
+        Where the table has fewer than two rows or its times tell no rate.
+    """
+    index, counter = ("sample_index" in stream.channels), ("packet_counter" in stream.channels)
+    names = [name for name, there in (("sample_index", index), ("packet_counter", counter)) if there]
+    grid: _Grid | None = None
+    for time, columns in stream.blocks(names):
+        found = dict(zip(names, columns, strict=True))
+        if not time.size:
+            continue
+        if grid is None:
+            grid = _Grid.begun(stream, time, found, told)
+        grid.add(time, found.get("sample_index"), found.get("packet_counter"))
+    if grid is None or grid.size < 2:
+        raise InputError(
+            f"stream '{stream.name}' holds {0 if grid is None else grid.size} samples of the transmitter; a run needs some "
+            "turns of the wheel. Check the log."
+        )
+    return grid.layout()
+
+
+@dataclass(eq=False)
+class _Grid:
+    """Takes the table block by block; keeps where runs begin."""
+
+    rate: float
+    frames: int
+    bits: int
+    gated: bool
+    by: str
+    remarks: list[str]
+    size: int = 0
+    _rows: list[np.ndarray] = field(default_factory=list)
+    _places: list[np.ndarray] = field(default_factory=list)
+    _offsets: list[float] = field(default_factory=list)
+    _last: tuple[float, int] = (0.0, -1)
+    _raw: float = -1.0
+    _inside: int = 0
+    _count: float = -1.0
+    _lost: int = 0
+    _longest: int = 0
+    _slept: int = 0
+    _strays: int = 0
+
+    @classmethod
+    def begun(
+        cls, stream: Stream, time: np.ndarray, found: Mapping[str, np.ndarray], told: Mapping[str, float]
+    ) -> _Grid:
+        """Look at the first block: rate, packets, counter."""
+        remarks: list[str] = []
+        index, counter = found.get("sample_index"), found.get("packet_counter")
+        by = "sample_index" if _counts(index) else "packet_counter" if _counts(counter) else "time"
+        if index is not None and by != "sample_index":
+            remarks.append(f"sample_index does not count; the samples are placed by {by}")
+        rate = _rate(stream, time, index if by == "sample_index" else None, told.get("sample_rate"), remarks)
+        frames = int(told.get("frames_per_packet", 10))
+        bits = 0
+        if counter is not None and _counts(counter):
+            frames = _frames(counter, frames, remarks)
+            bits = _bits(counter, int(told.get("counter_bits", 16)), remarks)
+        return cls(rate, frames, bits, bool(told.get("gated", 0.0)), by, remarks)
+
+    def add(self, time: np.ndarray, index: np.ndarray | None, counter: np.ndarray | None) -> None:
+        """Place the next rows."""
+        elapsed = np.diff(time, prepend=self._last[0]) * self.rate
+        advance = self._packets(elapsed, counter) if self.bits and counter is not None else None
+        if self.by == "sample_index" and index is not None:
+            jump = self._by_index(elapsed, index)
+        elif advance is not None:
+            jump = advance[1]
+        else:
+            jump = self._by_time(time, elapsed)
+        if self.size == 0:
+            jump[0] = 0
+        place = self._last[1] + np.cumsum(jump) if self.size else np.cumsum(jump)
+        breaks = np.flatnonzero(jump != 1)
+        if self.size == 0 and (breaks.size == 0 or breaks[0] != 0):
+            breaks = np.concatenate([[0], breaks])
+        self._rows.append(breaks + self.size)
+        self._places.append(place[breaks])
+        self._count_lost(jump, breaks[1:] if self.size == 0 else breaks, None if advance is None else advance[0])
+        self._offsets.append(float(np.median(time - place / self.rate)))
+        self._last = (float(time[-1]), int(place[-1]))
+        self.size += time.size
+
+    def layout(self) -> Layout:
+        """Return what was found."""
+        lost = self._lost / self.frames
+        share = self._lost / max(self._lost + self.size, 1)
+        remarks = list(self.remarks)
+        if self._strays:
+            remarks.append(
+                f"sample_index jumps where time does not, {self._strays} times (restart or wrap of the "
+                "microcontroller's count): placed by time there"
+            )
+        return Layout(
+            np.concatenate(self._rows),
+            np.concatenate(self._places),
+            self.size,
+            self.rate,
+            float(np.median(self._offsets)),
+            Loss(math.nan if self.gated and not self._slept else share, self._longest / self.rate, round(lost)),
+            self.bits,
+            self._slept > 0,
+            self.by,
+            tuple(remarks),
+        )
+
+    def _by_index(self, elapsed: np.ndarray, index: np.ndarray) -> np.ndarray:
+        """Return by how many samples each row is ahead of the one before; repeated numbers are those of packets."""
+        step = np.diff(index, prepend=self._raw if self.size else index[0] - 1.0)
+        self._raw = float(index[-1])
+        if np.all(step == 1.0):
+            return np.ones(step.size, dtype=np.int64)
+        if np.any(step == 0.0):
+            inside = _since(step != 0.0, self._inside)
+            before = np.concatenate([[self._inside], inside[:-1]])
+            self._inside = int(inside[-1])
+            step = step + inside - before
+        wrong = ~np.isfinite(step) | (step < 1.0)
+        far = np.abs(step - elapsed) > np.maximum(_STRAY * self.rate, _STRAY_SHARE * elapsed)
+        if self.size == 0:
+            far[0] = wrong[0] = False
+        stray = wrong | far
+        self._strays += int(stray.sum())
+        return np.where(stray, np.maximum(np.round(elapsed), 1.0), step).astype(np.int64)
+
+    def _by_time(self, time: np.ndarray, elapsed: np.ndarray) -> np.ndarray:
+        begins = self._offsets[0] if self._offsets else float(time[0])
+        place = np.round((time - begins) * self.rate).astype(np.int64)
+        order = np.arange(time.size)
+        place = np.maximum.accumulate(np.maximum(place, self._last[1] + 1 + order) - order) + order
+        return np.diff(place, prepend=self._last[1])
+
+    def _packets(self, elapsed: np.ndarray, counter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return by how many packets, and by how many samples, each row is ahead of the one before.
+
+        A counter that wrapped meanwhile (time tells how often) is unwrapped; one that stood while time passed (the
+        transmitter slept) is placed by time.
+        """
+        step = np.diff(counter, prepend=self._count if self.size else counter[0] - 1.0)
+        self._count = float(counter[-1])
+        new = step != 0.0
+        inside = _since(new, self._inside if self.size else 0)
+        full = (inside > 0) & (inside % self.frames == 0)
+        inside = inside % self.frames
+        new = new | full
+        before = np.concatenate([[self._inside if self.size else self.frames - 1], inside[:-1]])
+        if self.by == "packet_counter" or not self.size:
+            self._inside = int(inside[-1])
+        packets, jump = np.zeros(step.size), np.ones(step.size, dtype=np.int64)
+        at = np.flatnonzero(new)
+        modulus = 2.0**self.bits
+        ahead = np.mod(step[at], modulus)
+        ahead[ahead == 0.0] = modulus
+        by_time = (elapsed[at] + before[at]) / self.frames
+        ahead = ahead + modulus * np.maximum(0.0, np.round((by_time - ahead) / modulus))
+        packets[at] = ahead
+        slack = 2.0 if self.gated else max(2.0, _SLEEP * self.rate / self.frames)
+        behind = by_time - ahead > slack
+        placed = np.where(behind, np.round(by_time), ahead)
+        jump[at] = np.maximum(np.round(placed * self.frames) - before[at], 1).astype(np.int64)
+        return packets, jump
+
+    def _count_lost(self, jump: np.ndarray, breaks: np.ndarray, packets: np.ndarray | None) -> None:
+        gap = jump[breaks] - 1
+        if not gap.size:
+            return
+        self._longest = max(self._longest, int(gap.max()))
+        if packets is None:
+            self._lost += int(gap.sum())
+            return
+        told = np.maximum(packets[breaks] - 1.0, 0.0) * self.frames
+        slept = gap - told > 1.5 * self.frames
+        self._slept += int(slept.sum())
+        self._lost += int(np.minimum(told, gap)[slept].sum()) + int(gap[~slept].sum())
+
+
+def _counts(values: np.ndarray | None) -> bool:
+    """Tell whether a channel counts at all."""
+    return values is not None and bool(np.all(np.isfinite(values))) and values.size > 1 and float(np.ptp(values)) > 0.0
+
+
+def _since(new: np.ndarray, inside: int) -> np.ndarray:
+    """Return how many rows before each the last new one stands; `inside` is that of the row before the first."""
+    order = np.arange(new.size)
+    last = np.maximum.accumulate(np.where(new, order, -1))
+    return np.where(last < 0, order + inside + 1, order - last)
+
+
+def _rate(stream: Stream, time: np.ndarray, index: np.ndarray | None, told: float | None, remarks: list[str]) -> float:
+    """Return the rate of the device's samples, Hz: as told, unless the log's times say something else."""
+    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    seen = 1.0 / step if step > 0.0 else 0.0
+    if index is not None and time.size > 1:
+        forward = np.diff(index) >= 0
+        lasting = float(np.diff(time)[forward].sum())
+        seen = float(np.diff(index)[forward].sum()) / lasting if lasting > 0.0 else seen
+    if not (math.isfinite(seen) and seen > 0.0):
+        raise InputError(f"stream '{stream.name}': its times tell no sample rate. Check the column of the time.")
+    if told is not None and abs(seen / told - 1.0) < _RATE_DIFFERS:
+        return told
+    if told is not None:
+        remarks.append(
+            f"sample_rate is stated as {told:g} Hz but the log's times tell {seen:.6g} Hz: the latter is used"
+        )
+    neat = float(f"{seen:.3g}")
+    return neat if abs(seen / neat - 1.0) < 0.5 * _RATE_DIFFERS else seen
+
+
+def _frames(counter: np.ndarray, told: int, remarks: list[str]) -> int:
+    """Return the samples of one packet, by how often its number is repeated."""
+    edges = np.flatnonzero(np.diff(counter) != 0.0)
+    if edges.size < 20:
+        return told
+    length, times = np.unique(np.diff(edges), return_counts=True)
+    usual = int(length[np.argmax(times)])
+    if usual == told or times.max() < 0.6 * times.sum():
+        return told
+    remarks.append(
+        f"frames_per_packet is {told} but the log has {usual} samples under each packet_counter: {usual} is used"
+    )
+    return usual
+
+
+def _bits(counter: np.ndarray, told: int, remarks: list[str]) -> int:
+    """Return the bits of the counter: as told, unless it is seen to wrap earlier or to run higher."""
+    highest = float(counter.max())
+    needed = max(1, math.ceil(math.log2(highest + 1.0)))
+    wraps = int(np.count_nonzero(np.diff(counter) < -0.5 * highest))
+    if needed > told or (wraps >= 3 and needed < told):
+        if needed > _SMALL_COUNTER:
+            remarks.append(
+                f"packet_counter is stated to have {told} bits but runs to {highest:g}: {needed} bits are used"
+            )
+        return needed
+    return told

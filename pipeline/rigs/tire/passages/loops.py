@@ -1,0 +1,220 @@
+"""The loops over all samples, compiled: block means, passages found, fits of a passage, bins of angle (tire.md, 5.2-5.4).
+
+Positions are in samples from the beginning of a stretch. Numba is imported here.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+# Half a fit's window, in revolutions.
+WINDOW = 0.12
+
+
+@nb.njit(cache=True)
+def block_means(values: np.ndarray, size: int) -> np.ndarray:
+    """Return the mean of each whole block of `size` samples; NaN where less than half of it is valid."""
+    n = values.size // size
+    out = np.empty(n)
+    for b in range(n):
+        total, count = 0.0, 0
+        for i in range(b * size, (b + 1) * size):
+            if values[i] == values[i]:
+                total += values[i]
+                count += 1
+        out[b] = total / count if 2 * count >= size and count > 0 else np.nan
+    return out
+
+
+@nb.njit(cache=True)
+def without_gaps(values: np.ndarray, longest: int) -> np.ndarray:
+    """Return the values with gaps of up to `longest` bridged by straight lines."""
+    out = values.copy()
+    last = -1
+    for i in range(values.size):
+        if values[i] == values[i]:
+            if last >= 0 and 1 < i - last <= longest:
+                step = (values[i] - values[last]) / (i - last)
+                for k in range(last + 1, i):
+                    out[k] = values[last] + step * (k - last)
+            last = i
+    return out
+
+
+@nb.njit(cache=True)
+def humps(values: np.ndarray, upper: np.ndarray, lower: np.ndarray, window: int) -> np.ndarray:
+    """Return the stretches that rise above `upper` and have not fallen below `lower`: centre, height, begin, end.
+
+    Both thresholds hold for one window of `window` values each; NaN in the values ends a stretch. The centre is that
+    of the area above the lower threshold. Shape (p, 4), positions in values.
+    """
+    found = np.empty((values.size // 2 + 1, 4))
+    n = 0
+    inside, risen = False, False
+    weight, moment, top, begin = 0.0, 0.0, 0.0, 0
+    for i in range(values.size + 1):
+        w = min(i // window, upper.size - 1)
+        v = values[i] if i < values.size else np.nan
+        if v > lower[w]:
+            if not inside:
+                inside, risen = True, False
+                weight, moment, top, begin = 0.0, 0.0, v, i
+            part = v - lower[w]
+            weight += part
+            moment += part * i
+            top = max(top, v)
+            risen = risen or v > upper[w]
+        elif inside:
+            inside = False
+            if risen:
+                found[n, 0] = moment / weight
+                found[n, 1] = top
+                found[n, 2] = begin
+                found[n, 3] = i
+                n += 1
+    return found[:n]
+
+
+@nb.njit(cache=True, inline="always")
+def _phase(i: float, knots: np.ndarray, slopes: np.ndarray, k: int) -> float:
+    """Return the phase, revolutions, at position i between knots k and k + 1 (cubic Hermite), straight beyond the ends."""
+    last = knots.size - 1
+    if k < 0:
+        return slopes[0] * (i - knots[0])
+    if k >= last:
+        return last + slopes[last] * (i - knots[last])
+    h = knots[k + 1] - knots[k]
+    u = (i - knots[k]) / h
+    return k + u * (
+        h * slopes[k] + u * (3.0 - h * (2.0 * slopes[k] + slopes[k + 1]) + u * (h * (slopes[k] + slopes[k + 1]) - 2.0))
+    )
+
+
+@nb.njit(cache=True, inline="always")
+def _read(table: np.ndarray, place: float) -> float:
+    """Return a periodic table at a place counted in its own steps, straight between them."""
+    n = table.size
+    low = math.floor(place)
+    share = place - low
+    j = int(low) % n
+    return table[j] + share * (table[(j + 1) % n] - table[j])
+
+
+@nb.njit(cache=True)
+def passage_sums(
+    values: np.ndarray, knots: np.ndarray, slopes: np.ndarray, T: np.ndarray, dT: np.ndarray
+) -> np.ndarray:
+    """Return, for each knot, the sums of the least squares of [T, T', 1] on the valid samples round it.
+
+    T, T' are the template and its derivative by angle on an even periodic grid that begins at angle -pi. Columns:
+    TT, TD, T1, DD, D1, valid samples, yT, yD, y1, yy, samples of the window; shape (m, 11).
+    """
+    m, N = knots.size, T.size
+    out = np.zeros((m, 11))
+    for k in range(m):
+        before = knots[k] - knots[k - 1] if k > 0 else knots[1] - knots[0]
+        after = knots[k + 1] - knots[k] if k < m - 1 else before
+        first = int(math.ceil(knots[k] - WINDOW * before))
+        last = int(math.floor(knots[k] + WINDOW * after))
+        s = np.zeros(11)
+        origin, known = 0.0, False
+        s[10] = last - first + 1
+        for i in range(max(first, 0), min(last, values.size - 1) + 1):
+            y = values[i]
+            if y != y:
+                continue
+            if not known:
+                origin, known = y, True
+            y -= origin
+            p = _phase(i, knots, slopes, k - 1 if i < knots[k] else k) - k
+            place = (p + 0.5) * N
+            t, d = _read(T, place), _read(dT, place)
+            s[0] += t * t
+            s[1] += t * d
+            s[2] += t
+            s[3] += d * d
+            s[4] += d
+            s[5] += 1.0
+            s[6] += y * t
+            s[7] += y * d
+            s[8] += y
+            s[9] += y * y
+        out[k] = s
+    return out
+
+
+@nb.njit(cache=True)
+def in_bins(
+    values: np.ndarray,
+    knots: np.ndarray,
+    slopes: np.ndarray,
+    first: int,
+    last: int,
+    scale: np.ndarray,
+    template: np.ndarray,
+    VIN: float,
+    R1: float,
+    flipped: bool,
+    bins: int,
+    means: np.ndarray,
+    counts: np.ndarray,
+) -> None:
+    """Fill the mean and number of the valid samples by bins of angle in the revolutions round knots first..last.
+
+    Bin b stands round the angle (b - bins/2) 2 pi/bins. Each sample is carried to its bin's middle along `scale` times
+    the template (even grid from -pi). With VIN > 0 volts become resistance. `means`, `counts` have shape (last - first
+    + 1, bins).
+    """
+    N = template.size
+    carried = N > 1
+    per_bin = N // bins if carried else 1
+    for k in range(first, last + 1):
+        row = k - first
+        total, count = means[row], counts[row]
+        total[:] = 0.0
+        count[:] = 0
+        begin = _crossing(knots, slopes, k - 1)
+        end = _crossing(knots, slopes, k)
+        for i in range(max(int(math.ceil(begin)), 0), min(int(math.ceil(end)), values.size)):
+            y = values[i]
+            if y != y:
+                continue
+            if VIN > 0.0:
+                if flipped:
+                    y = VIN - y
+                if not 0.0 < y < VIN:
+                    continue
+                y = R1 * y / (VIN - y)
+            p = _phase(i, knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
+            b = int(math.floor(p * bins + 0.5)) % bins
+            if carried:
+                y -= scale[row] * (_read(template, p * N) - template[b * per_bin])
+            total[b] += y
+            count[b] += 1
+        for b in range(bins):
+            total[b] = total[b] / count[b] if count[b] else np.nan
+
+
+@nb.njit(cache=True)
+def _crossing(knots: np.ndarray, slopes: np.ndarray, k: int) -> float:
+    """Return where the phase is k + 1/2, by Newton's method; beyond the ends along the straight line."""
+    last = knots.size - 1
+    if k < 0:
+        return knots[0] + (k + 0.5) / slopes[0]
+    if k >= last:
+        return knots[last] + (k + 0.5 - last) / slopes[last]
+    low, high = knots[k], knots[k + 1]
+    at = 0.5 * (low + high)
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if _phase(middle, knots, slopes, k) < k + 0.5:
+            low = middle
+        else:
+            high = middle
+        at = 0.5 * (low + high)
+        if high - low < 1e-6:
+            break
+    return at

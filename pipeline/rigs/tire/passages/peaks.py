@@ -1,0 +1,128 @@
+"""Passages found coarsely: humps of the voltage above a threshold of each 10 s (tire.md, 5.2).
+
+Where nothing stands out of the noise (the wheel stands, runs unloaded, or the sensor is dead) none is found. What lies
+between them is judged in `chains`, their moments are refined in `times`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Blocks per second that are looked at, seconds of one threshold.
+_BLOCKS, _WINDOW = 4000.0, 10.0
+# Gaps up to here (s) are bridged for looking only.
+_BRIDGED = 2.0
+# A hump rises above half of the contrast and ends below this share of it.
+_UPPER, _LOWER = 0.5, 0.25
+# Contrast over the spread (robust sd) of what is not a hump, and over a code of the converter.
+_STANDS_OUT, _CODES = 5.0, 3.0
+# A hump lower than this share of both its neighbourhoods is none.
+_LEAST_HEIGHT = 0.35
+_NEIGHBOURS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Humps:
+    """Candidates in a stretch: place (samples) and height over the base, shape (p,); where windows had none, samples.
+
+    `swing` is the difference of the 99.5 % and the 0.5 % quantile of the whole stretch, V.
+    """
+
+    places: np.ndarray
+    heights: np.ndarray
+    empty: tuple[tuple[float, float], ...]
+    swing: float
+
+
+def coarse(flex: np.ndarray, rate: float, step: float) -> tuple[np.ndarray, int]:
+    """Return block means, with short gaps bridged, and how many samples each spans."""
+    from pipeline.rigs.tire.passages.loops import block_means, without_gaps
+
+    size = max(1, round(rate / _BLOCKS))
+    return without_gaps(block_means(flex, size), int(_BRIDGED * rate / size)), size
+
+
+def pointing(means: np.ndarray, size: int, rate: float, step: float) -> int:
+    """Return +1 where peaks point up, -1 where down, 0 where there are none.
+
+    Parameters
+    ----------
+    means, size
+        What `coarse` returns.
+    step
+        One code of the converter, V.
+    """
+    up = down = 0.0
+    for window in _windows(means, size, rate):
+        base, high, stands_out = _contrast(window, step)
+        low, depth, hangs_down = _contrast(-window, step)
+        up += (high - base) if stands_out else 0.0
+        down += (depth - low) if hangs_down else 0.0
+    return 0 if up == down == 0.0 else 1 if up >= down else -1
+
+
+def humps_of(means: np.ndarray, size: int, rate: float, step: float) -> Humps:
+    """Return the candidates of block means whose peaks point up."""
+    from pipeline.rigs.tire.passages.loops import humps
+
+    windows = _windows(means, size, rate)
+    upper, lower, base, empty = [], [], [], []
+    at = 0
+    for window in windows:
+        low, high, stands_out = _contrast(window, step)
+        contrast = high - low if stands_out else np.inf
+        base.append(low)
+        upper.append(low + _UPPER * contrast)
+        lower.append(low + _LOWER * contrast)
+        if not stands_out:
+            empty.append((float(at * size), float((at + window.size) * size)))
+        at += window.size
+    length = windows[0].size if windows else 1
+    found = humps(means, np.array(upper or [np.inf]), np.array(lower or [np.inf]), length)
+    window_of = np.minimum((found[:, 0] / length).astype(int), max(len(base) - 1, 0))
+    heights = found[:, 1] - np.array(base or [0.0])[window_of]
+    kept = _tall(heights)
+    valid = means[np.isfinite(means)]
+    swing = float(np.subtract(*np.quantile(valid, [0.995, 0.005]))) if valid.size else float("nan")
+    return Humps((found[kept, 0] + 0.5) * size, heights[kept], _joined(empty), swing)
+
+
+def _windows(means: np.ndarray, size: int, rate: float) -> list[np.ndarray]:
+    length = max(int(_WINDOW * rate / size), 1)
+    return [means[begin : begin + length] for begin in range(0, means.size, length)]
+
+
+def _contrast(window: np.ndarray, step: float) -> tuple[float, float, bool]:
+    """Return base, 99.5 % quantile, and whether the latter stands out of the spread about the base."""
+    valid = window[np.isfinite(window)]
+    if valid.size < 20:
+        return float("nan"), float("nan"), False
+    low, base, high = np.quantile(valid, [0.2, 0.5, 0.995])
+    if np.mean(valid > 0.5 * (base + high)) > 0.3:
+        base = low
+    rest = valid[valid < 0.5 * (base + high)]
+    spread = 1.4826 * float(np.median(np.abs(rest - base))) if rest.size else np.inf
+    stands_out = high - base > max(_STANDS_OUT * spread, _CODES * step)
+    return float(base), float(high), bool(stands_out)
+
+
+def _tall(heights: np.ndarray) -> np.ndarray:
+    """Return which humps are not much lower than those before and those after them."""
+    kept = np.ones(heights.size, dtype=bool)
+    for i in range(heights.size):
+        around = [heights[max(i - _NEIGHBOURS, 0) : i], heights[i + 1 : i + 1 + _NEIGHBOURS]]
+        usual = [float(np.median(side)) for side in around if side.size]
+        kept[i] = not usual or heights[i] >= _LEAST_HEIGHT * min(usual)
+    return kept
+
+
+def _joined(spans: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    joined: list[tuple[float, float]] = []
+    for begin, end in spans:
+        if joined and joined[-1][1] == begin:
+            joined[-1] = (joined[-1][0], end)
+        else:
+            joined.append((begin, end))
+    return tuple(joined)

@@ -1,0 +1,69 @@
+"""The waveform of a passage as its harmonics, and what it is on a fine grid of angles (tire.md, 5.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+FINE = 4096
+# Orders that a template keeps: above, only noise is left of any sensor longer than 15 mm.
+_ORDERS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Template:
+    """A periodic waveform: values and derivative by angle on `FINE` even angles from -pi, shape (FINE,) each."""
+
+    harmonics: np.ndarray
+    values: np.ndarray
+    slope: np.ndarray
+
+    def turned(self, angle: float) -> Template:
+        """Return the waveform with what stood at `angle` (rad) at zero."""
+        return from_harmonics(self.harmonics * np.exp(1j * np.arange(self.harmonics.size) * angle))
+
+    @property
+    def top(self) -> float:
+        """The angle of the highest value, rad."""
+        i = int(np.argmax(self.values))
+        before, here, after = self.values[i - 1], self.values[i], self.values[(i + 1) % FINE]
+        bend = before - 2.0 * here + after
+        shift = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+        return float((i + shift - FINE // 2) * 2.0 * np.pi / FINE)
+
+    @property
+    def height(self) -> float:
+        """Highest value over the mean, which is zero."""
+        return float(self.values.max())
+
+
+def from_harmonics(harmonics: np.ndarray) -> Template:
+    """Return the template of harmonics f_0..f_M: sum of f_n exp(i n theta), one-sided."""
+    spectrum = np.zeros(FINE // 2 + 1, dtype=complex)
+    spectrum[: harmonics.size] = harmonics
+    orders = np.arange(spectrum.size)
+    values, slope = np.fft.irfft([spectrum, 1j * orders * spectrum], FINE) * FINE
+    return Template(harmonics, np.fft.fftshift(values), np.fft.fftshift(slope))
+
+
+def from_bins(means: np.ndarray, orders: int = _ORDERS) -> Template:
+    """Return the template through the means of even bins of angle, shape (bins,), less their mean.
+
+    Empty bins (NaN) are bridged; bins are even angles from -pi.
+    """
+    filled = bridged(means)
+    harmonics = np.fft.rfft(np.fft.ifftshift(filled)) / filled.size
+    harmonics = harmonics[: min(orders, filled.size // 2 - 1) + 1]
+    harmonics[0] = 0.0
+    return from_harmonics(harmonics)
+
+
+def bridged(means: np.ndarray) -> np.ndarray:
+    """Return periodic values with NaN bridged by straight lines; ValueError where all are NaN."""
+    known = np.flatnonzero(np.isfinite(means))
+    if known.size == means.size:
+        return means
+    if known.size == 0:
+        raise ValueError("no bin holds a sample")
+    return np.interp(np.arange(means.size), known, means[known], period=means.size)
