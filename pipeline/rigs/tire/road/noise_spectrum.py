@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-_LOWEST, _HIGHEST, _PER_OCTAVE = 0.25, 65536.0, 6
-_LEAST = 40.0
+_LOWEST, _HIGHEST, _PER_OCTAVE = 0.25, 65536.0, 4
+_LEAST = 20.0
 _EDGES = np.geomspace(_LOWEST, _HIGHEST, 18 * _PER_OCTAVE + 1)
 
 
 class NoiseSpectrum:
-    """Density of the noise, V^2/Hz one-sided, in bands of a sixth of an octave; `add` learns, `density` tells.
+    """Density of the noise, V^2/Hz one-sided, in bands of a quarter of an octave; `add` learns, `density` tells.
 
     Old revolutions fade as new ones come, `memory` of them count: a drive changes its road.
     """
@@ -51,11 +51,17 @@ class NoiseSpectrum:
             What of the noise the fit has left in each, shape (m, n): the rest went into its parameters.
         """
         fade = np.exp(-frequency.shape[0] / self.memory)
+        self.power *= fade
+        self.count *= fade
         band = np.searchsorted(_EDGES, frequency.ravel()) - 1
-        within = (band >= 0) & (band < self.power.size)
-        band, kept = band[within], share.ravel()[within]
-        self.power = fade * self.power + np.bincount(band, density.ravel()[within], self.power.size)
-        self.count = fade * self.count + np.bincount(band, kept, self.power.size)
+        values = (density / share).ravel()
+        order = np.argsort(band, kind="stable")
+        band, values = band[order], values[order]
+        for i in np.unique(band[(band >= 0) & (band < self.power.size)]):
+            some = values[np.searchsorted(band, i) : np.searchsorted(band, i, side="right")]
+            # Manoeuvres leave a little over in a few revolutions; the median of a periodogram is ln 2 of its mean.
+            self.power[i] += some.size * float(np.median(some)) / np.log(2.0)
+            self.count[i] += some.size
         self.revolutions = fade * self.revolutions + frequency.shape[0]
 
     def density(self, frequency: np.ndarray) -> np.ndarray:

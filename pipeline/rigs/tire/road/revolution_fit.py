@@ -27,8 +27,8 @@ REASONS = (
 )
 _GATHERED = 512
 _LEARNT_FROM = 256
-_PASSES = 6
-_SETTLED = 0.02
+_COARSE_PASSES = 4
+_LEARNING = 3
 _LEAST_SHARE = 0.6
 _LEAST_FILLING = 0.4
 _FARTHEST_SHIFT = 0.15
@@ -148,61 +148,67 @@ class RevolutionFit:
         data = _together(self._waiting)
         self._waiting = []
         state = _start(data, self.known)
+        for _ in range(_COARSE_PASSES):
+            state = _coarse_step(data, state, self.known)
         if not self.noise.known:
-            found = self._settle(data, state, _PASSES)
-            self._learn(data, found)
-            if self.noise.known:
-                found = self._settle(data, found.state, 2)
-                self.noise = NoiseSpectrum(self.noise.memory)
-                self._learn(data, found)
-            state = found.state
-        found = self._settle(data, state, _PASSES)
-        state = replace(found.state, rates=_rates(data, found))
-        found = self._settle(data, state, 2)
-        self._learn(data, found)
+            for _ in range(_LEARNING):
+                found = self._step(data, state)
+                state = found.state
+                self.noise = self._learnt(data, found, NoiseSpectrum(self.noise.memory))
+        found = self._step(data, state)
+        found = self._step(data, found.state)
+        self.noise = self._learnt(data, found, self.noise)
         self._remember(data, found)
         return self._told(data, found)
 
-    def _settle(self, data: _Passages, state: _State, passes: int) -> _Fit:
-        """Iterate until no usable revolution moves by more than a small part of its standard error."""
-        weights = self._weights(data)
-        for _ in range(passes):
-            found = _step(data, state, self.known, weights)
-            state = found.state
-            if np.all(found.moved[data.usable] < _SETTLED):
-                break
-        return found
+    def _step(self, data: _Passages, state: _State) -> _Fit:
+        return _step(data, state, self.known, self._weights(data), self._variances(data))
 
     def _weights(self, data: _Passages) -> np.ndarray:
         """Return one over the variance of each order of each revolution, shape (m, ANGLES/2 + 1), per V^2.
 
         Order 1 has none: bending shows no curvature there, eccentricity does. The mean weighs as order 2.
         """
-        orders = np.maximum(np.arange(ANGLES // 2 + 1), 2)
-        if self.noise.known:
-            S = self.noise.density(orders * data.speed[:, None] / (2.0 * np.pi)) * _to_variance(data.speed)
-            weights = np.asarray(1.0 / S)
-        else:
-            weights = np.full((data.time.size, orders.size), 1.0 / data.noise_guess**2)
+        S = self._variances(data)
+        # What a turn's periodogram shows of it: the turn is a window, and the noise beside an order leaks into it.
+        lags = np.arange(2 * ANGLES)
+        cut = np.clip(1.0 - np.minimum(lags, 2 * ANGLES - lags) / ANGLES, 0.0, 1.0)
+        seen = np.fft.rfft(np.fft.irfft(S, 2 * ANGLES, axis=1) * cut, axis=1).real[:, ::2]
+        weights = np.asarray(1.0 / seen)
+        weights[:, 0] = weights[:, 2]
         weights[:, 1] = 0.0
         return weights
 
-    def _learn(self, data: _Passages, found: _Fit) -> None:
+    def _variances(self, data: _Passages) -> np.ndarray:
+        """Return the noise's variance by half orders 0, 1/2, 1.., V^2 a sample, shape (m, ANGLES + 1)."""
+        orders = np.maximum(0.5 * np.arange(ANGLES + 1), 0.5)
+        if not self.noise.known:
+            return np.full((data.time.size, orders.size), data.noise_guess**2)
+        return self.noise.density(orders * data.speed[:, None] / (2.0 * np.pi)) * _to_variance(data.speed)
+
+    def _learnt(self, data: _Passages, found: _Fit, noise: NoiseSpectrum) -> NoiseSpectrum:
+        """Return `noise` with what the fits of the revolutions with few gaps leave over."""
         gaps = data.missing.sum(axis=1)
         fitting = data.usable & np.isfinite(found.chi2) & (found.moved < 1.0)
         fitting &= found.chi2 < 3.0 * np.median(found.chi2[fitting]) if fitting.any() else fitting
-        for most in (0, 0.04, 0.1, 0.25):
+        for most in (0.1, 0.25):
             rows = np.flatnonzero(fitting & (gaps <= most * ANGLES))
             if rows.size >= 64:
                 break
         if rows.size < 8:
-            return
+            return noise
         orders = np.arange(2, ANGLES // 2)
-        power = np.abs(found.spectrum[rows][:, orders]) ** 2 / ANGLES
-        density = power / _to_variance(data.speed[rows])
-        self.noise.add(
-            orders * data.speed[rows, None] / (2.0 * np.pi), density, np.clip(found.kept[rows][:, orders], 0.2, 1.0)
-        )
+        # A taper keeps strong orders out of weak ones.
+        taper = np.hanning(ANGLES + 1)[:-1]
+        taper = taper / np.sqrt(np.mean(taper**2))
+        columns, residual = np.fft.irfft(found.spectra[rows], ANGLES, axis=2), found.left[rows]
+        bent = np.fft.rfft(columns * taper, axis=2)[:, :, orders]
+        power = np.abs(np.fft.rfft(residual * taper, axis=1)[:, orders]) ** 2 / ANGLES
+        fitted = np.einsum("jan,jab,jbn->jn", bent.conj(), found.covariance[rows], bent, optimize=True).real / ANGLES
+        S = self._variances(data)[rows][:, 2 * orders]
+        kept = np.clip(1.0 - fitted / S, 0.1, 1.0)
+        noise.add(orders * data.speed[rows, None] / (2.0 * np.pi), power / _to_variance(data.speed[rows]), kept)
+        return noise
 
     def _remember(self, data: _Passages, found: _Fit) -> None:
         good = data.usable[:, None] & ~data.missing & (found.moved < 1.0)[:, None]
@@ -249,6 +255,12 @@ class RevolutionFit:
 
 
 _LEAST_LOAD = 20.0
+_FARTHEST = 0.6
+_UNKNOWNS = 8
+# Load and force always may bend a little, N/s.
+_LEAST_BEND = 1.0
+# The angle between two passages is never better known, relative.
+_LEAST_STRETCH = 2e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,28 +281,41 @@ class _Passages:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Unknowns of each revolution, shape (m,) each, and how fast Fz and Fx change there, N/s, shape (m, 2)."""
+    """Unknowns of each revolution, shape (m,) each."""
 
     load: np.ndarray
     force: np.ndarray
     shift: np.ndarray
     resistance: np.ndarray
-    rates: np.ndarray
+
+    def moved(self, step: np.ndarray, top: float) -> _State:
+        """Return the state after a step (m, 4), shortened where it goes too far at once."""
+        far = np.maximum(np.abs(step[:, 0]) / np.maximum(0.5 * self.load, 300.0), np.abs(step[:, 2]) / 0.05)
+        step = step / np.maximum(far, 1.0)[:, None]
+        return _State(
+            np.clip(self.load + step[:, 0], _LEAST_LOAD, top),
+            np.clip(self.force + step[:, 1], -top, top),
+            np.clip(self.shift + step[:, 2], -_FARTHEST, _FARTHEST),
+            np.maximum(self.resistance + step[:, 3], 1.0),
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """One pass: the state after it, covariance (m, 4, 4), the last step over its standard error, chi2 over degrees of
-    freedom (m,), residual (V, (m, ANGLES), 0 where missing), its spectrum with the missing filled, and the share of each
-    order's noise that the fit leaves."""
+    """One pass.
+
+    The state after it, covariance (m, 8, 8), the last step over its standard error, chi2 over degrees of freedom (m,),
+    residual (V, (m, ANGLES), 0 where missing), the spectra of the columns with the missing filled, and what is left
+    over likewise (V).
+    """
 
     state: _State
     covariance: np.ndarray
     moved: np.ndarray
     chi2: np.ndarray
     residual: np.ndarray
-    spectrum: np.ndarray
-    kept: np.ndarray
+    spectra: np.ndarray
+    left: np.ndarray
 
 
 def _to_variance(speed: np.ndarray) -> np.ndarray:
@@ -347,7 +372,7 @@ def _start(data: _Passages, known: WaveformLibrary) -> _State:
     loads, peaks = known.peaks
     rising = np.maximum.accumulate(peaks) + 1e-6 * np.arange(peaks.size)
     load = np.clip(np.interp(peak - R0, rising, loads), 5 * _LEAST_LOAD, 0.95 * known.top)
-    return _State(load, np.zeros_like(load), data.speed * sensor.lag, R0, np.zeros((load.size, 2)))
+    return _State(load, np.zeros_like(load), data.speed * sensor.lag, R0)
 
 
 def _filled_median(values: np.ndarray) -> np.ndarray:
@@ -379,57 +404,88 @@ def _on_bins(harmonics: np.ndarray, bins: int, offset: float) -> np.ndarray:
     return np.asarray(np.fft.irfft(turned, bins, axis=1) * bins)
 
 
-def _step(data: _Passages, state: _State, known: WaveformLibrary, weights: np.ndarray) -> _Fit:
-    """Make one Gauss-Newton step for all revolutions at once."""
-    sensor, rows = known.tire.sensor, data.time.size
-    fine = data.weight.shape[2] * ANGLES
-    half = np.pi / ANGLES - np.pi / fine
+def _coarse_step(data: _Passages, state: _State, known: WaveformLibrary) -> _State:
+    """Make one Gauss-Newton step by plain least squares over the angles that hold samples."""
+    sensor = known.tire.sensor
+    coarse = _shapes(data, state, known)
+    R2 = np.maximum(coarse[0] + state.resistance[:, None], 0.0)
+    g = np.where(data.missing, 0.0, voltage_slope(R2, sensor.VIN, sensor.R1))
+    J = np.stack([g * coarse[1], g * coarse[2], g * coarse[3], g], axis=1)
+    residual = data.voltage - divider_voltage(R2, sensor.VIN, sensor.R1)
+    _, step = _solved(np.matmul(J, J.swapaxes(1, 2)), np.matmul(J, residual[:, :, None])[:, :, 0])
+    return state.moved(step, known.top)
+
+
+def _shapes(data: _Passages, state: _State, known: WaveformLibrary) -> list[np.ndarray]:
+    """Return R2 - R0 and its derivatives by Fz, Fx and shift on `ANGLES` angles, ohm, shape (m, ANGLES) each."""
     H, slope, pushed = known.harmonics(state.load, state.force, data.speed)
     n = known.orders
     turned = np.exp(1j * n * state.shift[:, None])
-    R2 = _on_bins(turned * H, fine, 0.0) + state.resistance[:, None]
+    half = np.pi / ANGLES - np.pi / (ANGLES * data.weight.shape[2])
+    return [_on_bins(turned * column, ANGLES, half) for column in (H, slope, pushed, 1j * n * H)]
+
+
+def _step(
+    data: _Passages, state: _State, known: WaveformLibrary, weights: np.ndarray, variances: np.ndarray
+) -> _Fit:
+    """Make one Gauss-Newton step under the noise.
+
+    Fz and Fx change within the turn as the passages beside it tell. How far that, the rotation and its change may be
+    off are four more unknowns with a prior, so that the begin of a manoeuvre widens the errors of the turns around it.
+    """
+    sensor = known.tire.sensor
+    fine = data.weight.shape[2] * ANGLES
+    coarse = _shapes(data, state, known)
+    H = known.harmonics(state.load, state.force, data.speed)[0] * np.exp(1j * known.orders * state.shift[:, None])
+    R2 = _on_bins(H, fine, 0.0) + state.resistance[:, None]
     V = divider_voltage(np.maximum(R2, 0.0), sensor.VIN, sensor.R1).reshape(data.weight.shape)
-    model = np.where(data.missing, 0.0, (V * data.weight).sum(axis=2))
-    coarse = [_on_bins(turned * column, ANGLES, half) for column in (H, slope, pushed, 1j * n * H)]
     g = voltage_slope(coarse[0] + state.resistance[:, None], sensor.VIN, sensor.R1)
     later = (_angles() + state.shift[:, None]) / data.speed[:, None] - sensor.lag
-    change = state.rates[:, :1] * coarse[1] + state.rates[:, 1:] * coarse[2]
-    model = model + g * later * change
-    columns = np.empty((rows, 5, ANGLES))
-    columns[:, 0], columns[:, 1], columns[:, 2], columns[:, 3] = g * coarse[1], g * coarse[2], g * coarse[3], g
-    columns[:, 4] = data.voltage - model
+    rates, spread = _changes(data, state)
+    columns = np.empty((data.time.size, _UNKNOWNS + 1, ANGLES))
+    for i, shape in enumerate((coarse[1], coarse[2], coarse[3], 1.0)):
+        columns[:, i] = g * shape
+    columns[:, 4:6] = columns[:, :2] * later[:, None, :]
+    theta = later * data.speed[:, None]
+    columns[:, 6], columns[:, 7] = columns[:, 2] * theta, columns[:, 2] * theta**2
+    columns[:, 8] = data.voltage - (V * data.weight).sum(axis=2) - (rates[:, :, None] * columns[:, 4:6]).sum(axis=1)
     columns[np.broadcast_to(data.missing[:, None, :], columns.shape)] = 0.0
-    residual = columns[:, 4].copy()
+    residual = columns[:, -1].copy()
     spectra = _whole(columns, data.missing, weights)
+    J, r = spectra[:, :-1], spectra[:, -1]
     # Orders beside the mean and the last stand for two: n and -n.
     double = np.full(ANGLES // 2 + 1, 2.0)
     double[[0, -1]] = 1.0
-    J, r = spectra[:, :4], spectra[:, 4]
     weighted = J.conj() * (weights * double)[:, None, :]
     A = np.matmul(weighted, J.swapaxes(1, 2)).real / ANGLES
     b = np.matmul(weighted, r[:, :, None])[:, :, 0].real / ANGLES
-    covariance, step = _solved(A, b)
+    prior = np.zeros((data.time.size, _UNKNOWNS))
+    prior[:, 4:] = 1.0 / spread**2
+    A[:, range(_UNKNOWNS), range(_UNKNOWNS)] += prior
+    inverse, step = _solved(A, b)
     squares = (np.abs(r) ** 2 * weights * double).sum(axis=1) / ANGLES - (step * b).sum(axis=1)
     freedom = np.maximum((~data.missing).sum(axis=1) - 6.0, 1.0)
-    explained = np.einsum("jan,jab,jbn->jn", J.conj(), covariance, J, optimize=True).real
-    kept = 1.0 - explained * weights / ANGLES
+    # The unknowns are gains @ voltage; under noise of any spectrum their covariance is gains C gains'.
+    gains = np.matmul(inverse, np.fft.irfft(weights[:, None, :] * J, ANGLES, axis=2))
+    covariance = _under_noise(gains, variances) + np.matmul(inverse * prior[:, None, :], inverse.swapaxes(1, 2))
     sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    moved = np.abs(step / sd).max(axis=1)
-    reach = np.maximum(0.5 * state.load, 300.0)
-    calm = np.minimum(1.0, np.minimum(reach / np.maximum(np.abs(step[:, 0]), 1e-9), 0.05 / np.maximum(np.abs(step[:, 2]), 1e-9)))
-    step = step * calm[:, None]
-    after = _State(
-        np.clip(state.load + step[:, 0], _LEAST_LOAD, known.top),
-        np.clip(state.force + step[:, 1], -known.top, known.top),
-        np.clip(state.shift + step[:, 2], -0.6, 0.6),
-        np.maximum(state.resistance + step[:, 3], 1.0),
-        state.rates,
-    )
-    return _Fit(after, covariance, moved, squares / freedom, residual, r, kept)
+    moved = np.abs(step / sd)[:, :4].max(axis=1)
+    left = np.fft.irfft(r - np.matmul(step[:, None, :], J)[:, 0], ANGLES, axis=1)
+    after = state.moved(step[:, :4], known.top)
+    return _Fit(after, covariance, moved, squares / freedom, residual, J, left)
+
+
+def _under_noise(gains: np.ndarray, variances: np.ndarray) -> np.ndarray:
+    """Return the covariance of `gains` (m, p, ANGLES) times a noise of `variances` by half orders, shape (m, p, p)."""
+    spectra = np.fft.rfft(gains, 2 * ANGLES, axis=2)
+    double = np.full(ANGLES + 1, 2.0)
+    double[[0, -1]] = 1.0
+    weighted = spectra.conj() * (variances * double)[:, None, :]
+    return np.asarray(np.matmul(weighted, spectra.swapaxes(1, 2)).real / (2 * ANGLES))
 
 
 def _whole(columns: np.ndarray, missing: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return the spectra of the columns, shape (m, 5, orders), with the missing bins filled so that they carry no weight."""
+    """Return the spectra of the columns, shape (m, p, orders), with the missing bins filled so that they carry no weight."""
     spectra = np.fft.rfft(columns, axis=2)
     gapped = np.flatnonzero(missing.any(axis=1) & (missing.mean(axis=1) < 1.0 - _LEAST_SHARE))
     if gapped.size:
@@ -443,30 +499,42 @@ def _whole(columns: np.ndarray, missing: np.ndarray, weights: np.ndarray) -> np.
 
 
 def _solved(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the inverse of each A, shape (m, 4, 4), and the steps; NaN where A tells nothing."""
+    """Return the inverse of each A, shape (m, p, p), and the steps; NaN where A tells nothing."""
     size = np.sqrt(np.diagonal(A, axis1=1, axis2=2))
     dead = ~(size > 0.0).all(axis=1) | ~np.isfinite(A).all(axis=(1, 2))
     size = np.where(dead[:, None], 1.0, size)
-    even = np.where(dead[:, None, None], np.eye(4), A / (size[:, :, None] * size[:, None, :]))
-    even = even + 1e-12 * np.eye(4)
+    count = A.shape[1]
+    even = np.where(dead[:, None, None], np.eye(count), A / (size[:, :, None] * size[:, None, :]))
+    even = even + 1e-12 * np.eye(count)
     inverse = np.linalg.inv(even) / (size[:, :, None] * size[:, None, :])
     inverse[dead] = np.nan
     step = np.matmul(inverse, b[:, :, None])[:, :, 0]
     return inverse, np.where(dead[:, None], 0.0, step)
 
 
-def _rates(data: _Passages, found: _Fit) -> np.ndarray:
-    """Return how fast Fz and Fx change at each revolution, N/s, shape (m, 2), from those beside it; 0 beside a gap."""
-    rates = np.zeros((data.time.size, 2))
-    sure = data.usable & (found.moved < 1.0)
-    if data.time.size < 3:
-        return rates
-    span = data.time[2:] - data.time[:-2]
-    near = sure[2:] & sure[:-2] & (span < 2.0 * 2.5 * np.pi / data.speed[1:-1] * 1.5)
-    for i, values in enumerate((found.state.load, found.state.force)):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            rates[1:-1, i] = np.where(near, (values[2:] - values[:-2]) / span, 0.0)
-    return rates
+def _changes(data: _Passages, state: _State) -> tuple[np.ndarray, np.ndarray]:
+    """Return how Fz and Fx change at each revolution, N/s, shape (m, 2), from those beside it; 0 beside a gap.
+
+    And how far off may be these rates (N/s), the rotation (relative) and its change (rad of phase per rad^2): by the
+    bend of the course around, shape (m, 4).
+    """
+    apart = np.diff(data.time)
+    near = data.usable[1:] & data.usable[:-1] & (apart > 0.0) & (apart * data.speed[1:] < 3.0 * np.pi)
+    both = np.concatenate([[False], near]) & np.concatenate([near, [False]])
+    rates = np.zeros((data.time.size, 3))
+    bends = np.zeros((data.time.size, 3))
+    for i, values in enumerate((state.load, state.force, data.speed)):
+        slope = np.where(near, np.diff(values) / np.where(near, apart, 1.0), 0.0)
+        before, after = np.concatenate([[0.0], slope]), np.concatenate([slope, [0.0]])
+        rates[:, i] = np.where(both, 0.5 * (before + after), before + after)
+        bend = np.where(both, np.abs(after - before), np.abs(rates[:, i]))
+        bends[:, i] = np.maximum(bend, np.maximum(np.append(bend[1:], 0.0), np.append(0.0, bend[:-1])))
+    spread = np.empty((data.time.size, 4))
+    spread[:, :2] = 0.5 * bends[:, :2] + _LEAST_BEND
+    turn = 2.0 * np.pi / data.speed
+    spread[:, 2] = 0.5 * bends[:, 2] * turn / data.speed + _LEAST_STRETCH
+    spread[:, 3] = spread[:, 2] / (2.0 * np.pi)
+    return rates[:, :2], spread
 
 
 def _running_median(values: np.ndarray, width: int) -> np.ndarray:
