@@ -76,11 +76,12 @@ def _revolutions(run: RunNumbers) -> dict[str, Any]:
     Re = run.carried.radius.value
     rotation, rotation_se = filtered(run.tracks.get("rotation"), m)
     load, load_se = filtered(run.tracks.get("load"), m)
-    force, force_se = filtered(run.tracks.get("force"), m)
+    force, force_se = filtered(None if run.reversed else run.tracks.get("force"), m)
+    forward = forces.fits & (not run.reversed)
     columns = (
         np.full(m, run.run), np.arange(m), forces.time, run.speed, np.hypot(run.speed_se, run.speed_sd),
         _where(forces.fits, forces.load), _where(forces.fits, np.hypot(forces.load_se, run.load_sd)),
-        _where(forces.fits, forces.force), _where(forces.fits, np.hypot(forces.force_se, run.force_sd)),
+        _where(forward, forces.force), _where(forward, np.hypot(forces.force_se, run.force_sd)),
         Re * rotation, np.hypot(Re * rotation_se, run.speed_sd), load, np.hypot(load_se, _filled(run.load_sd)),
         force, np.hypot(force_se, _filled(run.force_sd)),
     )  # fmt: skip

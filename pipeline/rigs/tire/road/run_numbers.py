@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,12 @@ from pipeline.rigs.tire.road.systematic import systematic
 from pipeline.rigs.tire.road.tracking import Track, track
 
 Progress = Callable[[float], None]
+# So many revolutions tell a slope.
+_FEWEST = 20
+REVERSED = (
+    "driving makes the trailing dip deeper, not the leading one: rotation sense or sign of Fx reversed (sensor order, a log that runs "
+    "backward, or a reference with the other sign)"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +54,8 @@ class RunNumbers:
         With the reference channels; None where there are none.
     asymmetry, noise
         Dips of some revolutions, spectrum of the noise: for the report.
+    gain_to_load
+        What 1 % more gain of the sensor makes of the load at its median, N.
     """
 
     run: str
@@ -67,6 +75,7 @@ class RunNumbers:
     comparison: Comparison | None
     asymmetry: Asymmetry
     noise: NoiseSpectrum | None
+    gain_to_load: float
     findings: tuple[QualityFinding, ...]
 
     @property
@@ -84,6 +93,24 @@ class RunNumbers:
         """Least and most of half the revolutions in a second, Hz: what changes faster is not seen."""
         rate = self.forces.speed[np.isfinite(self.forces.speed)] / (4.0 * math.pi)
         return (float(rate.min()), float(rate.max())) if rate.size else (math.nan, math.nan)
+
+    @property
+    def reversed(self) -> bool:
+        """Whether references tell that forward was taken for backward: the longitudinal force is withheld then."""
+        return self.comparison is not None and self.comparison.direction == "wrong"
+
+    @property
+    def dip_slope(self) -> tuple[float, float] | None:
+        """Slope of the dips' asymmetry over Fx, ohm/N, and its standard error; None where the force is not known."""
+        reference = self.comparison.force if self.comparison is not None else None
+        force = (self.forces.force if reference is None else reference)[self.asymmetry.index]
+        known = np.isfinite(force)
+        if known.sum() < _FEWEST or np.ptp(force[known]) == 0.0:
+            return None
+        x, y = force[known] - force[known].mean(), self.asymmetry.value[known]
+        slope = float(x @ (y - y.mean()) / (x @ x))
+        left = y - y.mean() - slope * x
+        return slope, math.sqrt(float(left @ left) / (x.size - 2) / float(x @ x))
 
     @property
     def has_forces(self) -> bool:
@@ -130,9 +157,13 @@ def numbers_of(
     held = carried(choice, recording.run, recording.conditions)
     known = libraries.of(held.tire) if held.tire is not None else None
     forces, course, asymmetry, noise = _passed(device, known, progress)
+    bonding = _bonding(forces, held, course)
+    if bonding is not None and bonding.step is not None:
+        forces = replace(forces, fits=forces.fits & (forces.time < bonding.step.time))
     references = references_of(recording)
-    load_sd, force_sd = _systematic(held, known, forces)
+    load_sd, force_sd, gain = _systematic(held, known, forces)
     radius = held.radius
+    compared = _compared(forces, references, held, device)
     return RunNumbers(
         run=recording.run,
         device=device,
@@ -146,11 +177,12 @@ def numbers_of(
         speed_sd=radius.std_error * forces.speed,
         tracks=_tracks(forces, held, settings),
         events=_events(forces, held, settings),
-        bonding=_bonding(forces, held, course),
+        bonding=bonding,
         references=references,
-        comparison=_compared(forces, references, held, device),
+        comparison=compared,
         asymmetry=asymmetry,
         noise=noise,
+        gain_to_load=gain,
         findings=(*held.findings, *references.findings),
     )
 
@@ -183,16 +215,19 @@ def _passed(
     return forces, course, dips.close(forces), fit.noise if fit is not None else None
 
 
-def _systematic(held: Carried, known: WaveformLibrary | None, forces: Forces) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the bench leaves uncertain of load and force, N, shape (m,) each."""
+def _systematic(
+    held: Carried, known: WaveformLibrary | None, forces: Forces
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return what the bench leaves uncertain of load and force, N, shape (m,) each, and load per 1 % of gain, N."""
     if known is None or held.tire is None or not forces.fits.any():
         nothing = np.full(len(forces), math.nan)
-        return nothing, nothing
+        return nothing, nothing, math.nan
     errors = systematic(known, forces.speed[forces.fits])
     load = errors.load_sd(forces.load, forces.force, forces.speed)
     force = errors.force_sd(forces.load, forces.force, forces.speed)
-    correction = held.tire.correction_u
-    return np.hypot(load, correction * np.abs(forces.load)), np.hypot(force, correction * np.abs(forces.force))
+    share = held.tire.correction_u
+    gain = abs(float(errors.gain_to_load(float(np.median(forces.load[forces.fits])))))
+    return np.hypot(load, share * np.abs(forces.load)), np.hypot(force, share * np.abs(forces.force)), gain
 
 
 def _tracks(forces: Forces, held: Carried, settings: RoadSettings) -> dict[str, Track]:
