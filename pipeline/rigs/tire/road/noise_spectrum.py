@@ -65,5 +65,13 @@ class NoiseSpectrum:
         self.revolutions = fade * self.revolutions + frequency.shape[0]
 
     def density(self, frequency: np.ndarray) -> np.ndarray:
-        """Return the density, V^2/Hz, at frequencies (Hz, any shape), interpolated in logarithms."""
-        return np.asarray(np.exp(np.interp(np.log(frequency), np.log(self.frequency), np.log(self.values))))
+        """Return the density, V^2/Hz, at frequencies (Hz, any shape), interpolated in logarithms.
+
+        Below the lowest band that order 2 reaches it goes on falling as it does there, but not below the least anywhere.
+        """
+        x, y = np.log(self.frequency), np.log(self.values)
+        at = np.log(frequency)
+        first = slice(0, min(4, x.size))
+        fall = max(0.0, float(np.polyfit(x[first], y[first], 1)[0])) if x.size > 1 else 0.0
+        below = np.maximum(y[0] + fall * np.minimum(at - x[0], 0.0), min(y.min(), y[0]))
+        return np.asarray(np.exp(np.where(at < x[0], below, np.interp(at, x, y))))

@@ -221,6 +221,7 @@ class RevolutionFit:
         scale = _running_median(np.where(data.usable, found.chi2, np.nan), _NEIGHBOURS)
         misfit = found.chi2 / scale
         sd = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2) * np.maximum(scale, 0.1)[:, None])
+        sd[:, 0] = np.hypot(sd[:, 0], _INTERPOLATION * state.load)
         reason = np.zeros(data.time.size, dtype=np.uint8)
         usual = np.median(state.shift[data.usable]) if data.usable.any() else 0.0
         reason[(state.load >= 0.999 * self.known.top) | (state.load <= _LEAST_LOAD)] = 4
@@ -256,6 +257,8 @@ class RevolutionFit:
 
 _LEAST_LOAD = 20.0
 _FARTHEST = 0.6
+# Error of bins and library, relative: what bench runs without road noise show.
+_INTERPOLATION = 4e-4
 _UNKNOWNS = 8
 # Load and force always may bend a little, N/s.
 _LEAST_BEND = 1.0
