@@ -1,0 +1,301 @@
+"""The PVDF film against the flex sensor: gain, time constants and mounting offset from the ratio of their orders (T8).
+
+Both sensors are noisy; the ratio is fitted with errors in both (total least squares), so noise of the flex sensor does not
+bias it. No gain of the film alone: only G' = G h/(2c) shows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.estimation.estimate import Estimate, estimate, undetermined
+from pipeline.estimation.separable import covariance_of
+from pipeline.rigs.tire.ring.pvdf import film_over_flex
+from pipeline.rigs.tire.ring.ring import grid
+
+NAMES = ("pvdf_gain", "pvdf_time_constant", "pvdf_offset_angle", "sensor_lag")
+LOWEST, HIGHEST = 2, 32
+# Orders too near the flex sensor's null (sin(y)/y below this) carry its noise only.
+_LEAST_AVERAGING = 0.15
+_SIZES = np.array([1.0, 1e-3, 1e-2, 1e-3])
+_LIMIT = 0.1
+_LEAST_ANGLE = 0.02
+_SAME_SPEED = 1.1
+_GOOD, _BAD = 0.02, 0.1
+_POOR = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class FilmRun:
+    """Averaged waveforms of one run on the same even angles: R2 (ohm) and film (V) with standard errors, shape (n,)."""
+
+    run: str
+    rotation: float
+    resistance: np.ndarray
+    resistance_se: np.ndarray
+    film: np.ndarray
+    film_se: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class FilmRunFit:
+    """One run: orders of film over flex, and the film as the flex sensor predicts it.
+
+    Attributes
+    ----------
+    orders, measured, modelled
+        Orders used, V_n/R2_n as measured and by the fit, V/ohm, complex, shape (k,).
+    predicted, film
+        V, of these orders only, shape (n,).
+    nrmse
+        Rms of their difference over the film's peak to peak.
+    """
+
+    run: str
+    orders: np.ndarray
+    measured: np.ndarray
+    modelled: np.ndarray
+    predicted: np.ndarray
+    film: np.ndarray
+    nrmse: float
+
+
+@dataclass(frozen=True, eq=False)
+class FilmFit:
+    """Result of the PVDF check.
+
+    Attributes
+    ----------
+    estimates
+        pvdf_gain (V/ohm), pvdf_time_constant (s), pvdf_offset_angle (rad) and sensor_lag (s; of the flex sensor, as this
+        ratio shows it), each with a value or a reason.
+    values, covariance
+        The four as fitted, SI, (4,) and (4, 4), told or not.
+    chi2_reduced
+        Mean squared residual over the noise of both sensors.
+    left_out
+        Runs that were not used, with the reason.
+    verdict
+        "good" below 2 % NRMSE, "fair", "bad" above 10 %.
+    """
+
+    estimates: dict[str, Estimate]
+    values: np.ndarray
+    covariance: np.ndarray
+    chi2_reduced: float
+    runs: tuple[FilmRunFit, ...]
+    left_out: dict[str, str]
+    verdict: str
+    statement: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Orders:
+    """Orders of one run: of flex X (ohm) and film V (V), standard deviations of their real and imaginary parts."""
+
+    run: FilmRun
+    n: np.ndarray
+    X: np.ndarray
+    V: np.ndarray
+    sd_X: float
+    sd_V: float
+
+
+def fit_film(
+    runs: Sequence[FilmRun], *, film_length: float, flex_length: float, R: float, flex_lag: float | None = None
+) -> FilmFit:
+    """Fit film over flex (T8) to all runs.
+
+    Parameters
+    ----------
+    runs
+        With the same sensors.
+    film_length, flex_length, R
+        Lengths of the sensors; belt radius; m.
+    flex_lag
+        Lag of the flex sensor from the ring fit, s: where to start.
+
+    Raises
+    ------
+    InputError
+        If no run can be used.
+
+    Notes
+    -----
+    Minimises |V - H X|^2/(sd_V^2 + |H|^2 sd_X^2) over all orders and runs: the likelihood with the true order of the flex
+    sensor solved for. With X taken as exact, G' would come out biased by the noise of X.
+    """
+    spectra, left_out = _spectra(runs, flex_length, R)
+    if not spectra:
+        reasons = "; ".join(f"{name}: {why}" for name, why in left_out.items()) or "there are no runs"
+        raise InputError(f"the PVDF check needs runs with both sensors ({reasons}).")
+
+    def model(x: np.ndarray, s: _Orders) -> np.ndarray:
+        gain, tau_p, angle, tau_f = x * _SIZES
+        return film_over_flex(
+            s.n,
+            s.run.rotation,
+            gain=gain,
+            time_constant=tau_p,
+            offset_angle=angle,
+            film_length=film_length,
+            flex_length=flex_length,
+            flex_lag=tau_f,
+            R=R,
+        )
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        rows = []
+        for s in spectra:
+            H = model(x, s)
+            r = (s.V - H * s.X) / np.sqrt(s.sd_V**2 + np.abs(H) ** 2 * s.sd_X**2)
+            rows += [r.real, r.imag]
+        return np.concatenate(rows)
+
+    from scipy.optimize import least_squares
+
+    best = None
+    for tau_p in (2e-3, 2e-2, 2e-4):
+        start = np.array([1.0, tau_p, 0.0, flex_lag or 0.0]) / _SIZES
+        start[0] = _gain(start, spectra, model)
+        scale = np.array([abs(start[0]) or 1.0, 1.0, 1.0, 1.0])
+        low = np.array([-np.inf, 1e-5, -1.0, -1e-3]) / _SIZES
+        high = np.array([np.inf, 10.0, 1.0, 5e-2]) / _SIZES
+        found = least_squares(
+            residual, start, bounds=(low, high), x_scale=scale, jac="3-point", ftol=1e-12, xtol=1e-12, max_nfev=300
+        )
+        if best is None or found.cost < best.cost * (1.0 - 1e-6):
+            best = found
+    assert best is not None
+    plain, _ = covariance_of(best.jac)
+    dof = max(best.fun.size - best.x.size, 1)
+    reduced = 2.0 * float(best.cost) / dof
+    bent = plain @ best.jac.T @ _noise(spectra, [model(best.x, s) for s in spectra])
+    covariance = max(reduced, 1.0) * (bent @ bent.T) * np.outer(_SIZES, _SIZES)
+    values = np.asarray(best.x * _SIZES)
+    fitted = tuple(_run_fit(s, model(best.x, s)) for s in spectra)
+    speeds = _distinct([s.run.rotation for s in spectra])
+    worst = max(run.nrmse for run in fitted)
+    verdict = "good" if worst < _GOOD else "bad" if worst > _BAD else "fair"
+    return FilmFit(
+        {name: _told(i, values, covariance, speeds, verdict) for i, name in enumerate(NAMES)},
+        values,
+        covariance,
+        reduced,
+        fitted,
+        left_out,
+        verdict,
+        _said(verdict, worst, reduced),
+    )
+
+
+def _spectra(runs: Sequence[FilmRun], flex_length: float, R: float) -> tuple[list[_Orders], dict[str, str]]:
+    n = np.arange(LOWEST, HIGHEST + 1)
+    n = n[np.abs(np.sinc(n * flex_length / (2.0 * np.pi * R))) > _LEAST_AVERAGING]
+    # Beyond the null the averaging changes sign and little is left.
+    null = 2.0 * np.pi * R / flex_length
+    n = n[n < null]
+    used, left_out = [], {}
+    for run in runs:
+        arrays = (run.resistance, run.resistance_se, run.film, run.film_se)
+        if not all(np.all(np.isfinite(values)) for values in arrays):
+            left_out[run.run] = "flex sensor or film were not measured all round"
+        elif not (math.isfinite(run.rotation) and run.rotation > 0.0):
+            left_out[run.run] = "no rotation"
+        elif not (np.ptp(run.film) > 0.0 and np.ptp(run.resistance) > 0.0):
+            left_out[run.run] = "one of the sensors tells nothing"
+        elif n.size < 4:
+            left_out[run.run] = "the flex sensor is too long to compare"
+        else:
+            size = run.resistance.size
+            X, V = (np.fft.rfft(np.fft.ifftshift(values))[n] / size for values in (run.resistance, run.film))
+            sd = [
+                max(math.sqrt(float(np.sum(se**2)) / 2.0) / size, 1e-9 * float(np.abs(Y).max()))
+                for se, Y in ((run.resistance_se, X), (run.film_se, V))
+            ]
+            used.append(_Orders(run, n, X, V, sd[0], sd[1]))
+    return used, left_out
+
+
+def _noise(spectra: Sequence[_Orders], ratios: Sequence[np.ndarray]) -> np.ndarray:
+    """Return what unit noise of every angle does to the weighted residual, shape (rows, angles of both sensors).
+
+    The flex sensor's noise is largest at the peak, so its orders are correlated.
+    """
+    blocks = []
+    for s, H in zip(spectra, ratios, strict=True):
+        size = s.run.film.size
+        waves = np.exp(-1j * np.outer(s.n, grid(size))) / size
+        weight = 1.0 / np.sqrt(s.sd_V**2 + np.abs(H) ** 2 * s.sd_X**2)
+        both = np.hstack([waves * s.run.film_se, -H[:, None] * waves * s.run.resistance_se]) * weight[:, None]
+        blocks.append(np.vstack([both.real, both.imag]))
+    out = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
+    row = column = 0
+    for b in blocks:
+        out[row : row + b.shape[0], column : column + b.shape[1]] = b
+        row, column = row + b.shape[0], column + b.shape[1]
+    return out
+
+
+def _gain(x: np.ndarray, spectra: Sequence[_Orders], model: Callable[[np.ndarray, _Orders], np.ndarray]) -> float:
+    along = across = 0.0
+    for s in spectra:
+        shape = model(x, s) * s.X
+        along += float((np.conj(shape) * s.V).real.sum()) / s.sd_V**2
+        across += float((np.abs(shape) ** 2).sum()) / s.sd_V**2
+    return along / across
+
+
+def _run_fit(s: _Orders, H: np.ndarray) -> FilmRunFit:
+    size = s.run.film.size
+    predicted, film = (_back(s.n, values, size) for values in (H * s.X, s.V))
+    nrmse = float(np.sqrt(np.mean((predicted - film) ** 2)) / np.ptp(film))
+    return FilmRunFit(s.run.run, s.n, s.V / s.X, H, predicted, film, nrmse)
+
+
+def _back(n: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:
+    spectrum = np.zeros(size // 2 + 1, dtype=complex)
+    spectrum[n] = values
+    return np.asarray(np.fft.fftshift(np.fft.irfft(spectrum, size) * size))
+
+
+def _distinct(rotation: Sequence[float]) -> int:
+    count, last = 0, 0.0
+    for value in sorted(rotation):
+        if count == 0 or value > _SAME_SPEED * last:
+            count, last = count + 1, value
+    return count
+
+
+def _told(i: int, values: np.ndarray, covariance: np.ndarray, speeds: int, verdict: str) -> Estimate:
+    name, value, se = NAMES[i], float(values[i]), math.sqrt(covariance[i, i])
+    if verdict == "bad":
+        return undetermined(
+            name, "the flex sensor does not predict the film (NRMSE above 10 %): bond or channel is suspect."
+        )
+    size = max(abs(value), {"pvdf_offset_angle": _LEAST_ANGLE, "sensor_lag": 2e-4}.get(name, 0.0))
+    if not se < _LIMIT * size:
+        remedy = (
+            "at one speed the time constants of film and flex sensor and the mounting offset stand for each other; roll at "
+            "two speeds or more."
+            if speeds < 2
+            else "roll faster, or more revolutions."
+        )
+        return undetermined(name, f"its relative standard error is {se / size:.0%}: {remedy}")
+    return estimate(name, value, se)
+
+
+def _said(verdict: str, worst: float, reduced: float) -> str:
+    said = {
+        "good": f"The flex sensor predicts the film within {worst:.2%} of its peak to peak: both are well bonded.",
+        "fair": f"The flex sensor predicts the film within {worst:.1%} of its peak to peak; below 2 % is good.",
+        "bad": f"The flex sensor misses the film by {worst:.0%} of its peak to peak: a bond or a channel is suspect.",
+    }[verdict]
+    if reduced > _POOR:
+        said += f" The ratio departs from its law by more than noise (chi2_red {reduced:.3g}); intervals are widened."
+    return said
