@@ -102,8 +102,8 @@ class _Orders:
     n: np.ndarray
     X: np.ndarray
     V: np.ndarray
-    sd_X: float
-    sd_V: float
+    flex_sd: float
+    film_sd: float
 
 
 def fit_film(
@@ -127,7 +127,7 @@ def fit_film(
 
     Notes
     -----
-    Minimises |V - H X|^2/(sd_V^2 + |H|^2 sd_X^2) over all orders and runs: the likelihood with the true order of the flex
+    Minimises |V - H X|^2/(film_sd^2 + |H|^2 flex_sd^2) over all orders and runs: the likelihood with the true order of the flex
     sensor solved for. With X taken as exact, G' would come out biased by the noise of X.
     """
     spectra, left_out = _spectra(runs, flex_length, R)
@@ -153,7 +153,7 @@ def fit_film(
         rows = []
         for s in spectra:
             H = model(x, s)
-            r = (s.V - H * s.X) / np.sqrt(s.sd_V**2 + np.abs(H) ** 2 * s.sd_X**2)
+            r = (s.V - H * s.X) / np.sqrt(s.film_sd**2 + np.abs(H) ** 2 * s.flex_sd**2)
             rows += [r.real, r.imag]
         return np.concatenate(rows)
 
@@ -172,10 +172,11 @@ def fit_film(
         if best is None or found.cost < best.cost * (1.0 - 1e-6):
             best = found
     assert best is not None
-    plain, _ = covariance_of(best.jac)
+    jacobian = np.asarray(best.jac)
+    plain, _ = covariance_of(jacobian)
     dof = max(best.fun.size - best.x.size, 1)
     reduced = 2.0 * float(best.cost) / dof
-    bent = plain @ best.jac.T @ _noise(spectra, [model(best.x, s) for s in spectra])
+    bent = plain @ jacobian.T @ _noise(spectra, [model(best.x, s) for s in spectra])
     covariance = max(reduced, 1.0) * (bent @ bent.T) * np.outer(_SIZES, _SIZES)
     values = np.asarray(best.x * _SIZES)
     fitted = tuple(_run_fit(s, model(best.x, s)) for s in spectra)
@@ -231,7 +232,7 @@ def _noise(spectra: Sequence[_Orders], ratios: Sequence[np.ndarray]) -> np.ndarr
     for s, H in zip(spectra, ratios, strict=True):
         size = s.run.film.size
         waves = np.exp(-1j * np.outer(s.n, grid(size))) / size
-        weight = 1.0 / np.sqrt(s.sd_V**2 + np.abs(H) ** 2 * s.sd_X**2)
+        weight = 1.0 / np.sqrt(s.film_sd**2 + np.abs(H) ** 2 * s.flex_sd**2)
         both = np.hstack([waves * s.run.film_se, -H[:, None] * waves * s.run.resistance_se]) * weight[:, None]
         blocks.append(np.vstack([both.real, both.imag]))
     out = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
@@ -246,8 +247,8 @@ def _gain(x: np.ndarray, spectra: Sequence[_Orders], model: Callable[[np.ndarray
     along = across = 0.0
     for s in spectra:
         shape = model(x, s) * s.X
-        along += float((np.conj(shape) * s.V).real.sum()) / s.sd_V**2
-        across += float((np.abs(shape) ** 2).sum()) / s.sd_V**2
+        along += float((np.conj(shape) * s.V).real.sum()) / s.film_sd**2
+        across += float((np.abs(shape) ** 2).sum()) / s.film_sd**2
     return along / across
 
 
