@@ -19,21 +19,21 @@ ANGLES = 256
 # Why a revolution is not taken: Forces.reason is the place in here.
 REASONS = (
     "",
-    "too few samples",
+    "too few samples where the load shows",
     "does not settle",
     "shape is not that of the ring",
     "load at the end of the library",
-    "stands apart from the passages beside it",
 )
 _GATHERED = 512
 _LEARNT_FROM = 256
-_COARSE_PASSES = 4
+_COARSE_PASSES = 10
 _LEARNING = 3
 _LEAST_SHARE = 0.6
 _LEAST_FILLING = 0.4
 _FARTHEST_SHIFT = 0.15
 _NEIGHBOURS = 31
 _WORST_MISFIT = 2.0
+_LEAST_SURE = 4.0
 
 
 class PassageBlock(Protocol):
@@ -147,16 +147,13 @@ class RevolutionFit:
     def _ready(self) -> Forces:
         data = _together(self._waiting)
         self._waiting = []
-        state = _start(data, self.known)
-        for _ in range(_COARSE_PASSES):
-            state = _coarse_step(data, state, self.known)
+        state = _coarse_fit(data, self.known)
         if not self.noise.known:
             for _ in range(_LEARNING):
                 found = self._step(data, state)
                 state = found.state
                 self.noise = self._learnt(data, found, NoiseSpectrum(self.noise.memory))
         found = self._step(data, state)
-        found = self._step(data, found.state)
         self.noise = self._learnt(data, found, self.noise)
         self._remember(data, found)
         return self._told(data, found)
@@ -189,7 +186,7 @@ class RevolutionFit:
     def _learnt(self, data: _Passages, found: _Fit, noise: NoiseSpectrum) -> NoiseSpectrum:
         """Return `noise` with what the fits of the revolutions with few gaps leave over."""
         gaps = data.missing.sum(axis=1)
-        fitting = data.usable & np.isfinite(found.chi2) & (found.moved < 1.0)
+        fitting = data.usable & np.isfinite(found.chi2) & found.settled
         fitting &= found.chi2 < 3.0 * np.median(found.chi2[fitting]) if fitting.any() else fitting
         for most in (0.1, 0.25):
             rows = np.flatnonzero(fitting & (gaps <= most * ANGLES))
@@ -197,7 +194,8 @@ class RevolutionFit:
                 break
         if rows.size < 8:
             return noise
-        orders = np.arange(2, ANGLES // 2)
+        rows = rows[:: 1 + rows.size // _LEARNT_FROM]
+        orders = np.arange(3, ANGLES // 2)
         # A taper keeps strong orders out of weak ones.
         taper = np.hanning(ANGLES + 1)[:-1]
         taper = taper / np.sqrt(np.mean(taper**2))
@@ -211,7 +209,7 @@ class RevolutionFit:
         return noise
 
     def _remember(self, data: _Passages, found: _Fit) -> None:
-        good = data.usable[:, None] & ~data.missing & (found.moved < 1.0)[:, None]
+        good = data.usable[:, None] & ~data.missing & found.settled[:, None]
         self._left_over += np.where(good, found.residual, 0.0).sum(axis=0)
         self._signal += np.where(good, data.voltage, 0.0).sum(axis=0)
         self._seen += good.sum(axis=0)
@@ -226,8 +224,9 @@ class RevolutionFit:
         usual = np.median(state.shift[data.usable]) if data.usable.any() else 0.0
         reason[(state.load >= 0.999 * self.known.top) | (state.load <= _LEAST_LOAD)] = 4
         reason[(misfit > _WORST_MISFIT) | (np.abs(state.shift - usual) > _FARTHEST_SHIFT)] = 3
-        reason[~(found.moved < 1.0)] = 2
-        reason[~data.usable] = 1
+        reason[~found.settled] = 2
+        unsure = sd[:, :2] / np.stack([_running_median(np.where(data.usable, sd[:, i], np.nan), _NEIGHBOURS) for i in (0, 1)], 1)
+        reason[~data.usable | (unsure > _LEAST_SURE).any(axis=1)] = 1
         untold = (reason == 1) | (reason == 2)
 
         def seen(values: np.ndarray) -> np.ndarray:
@@ -281,6 +280,11 @@ class _Passages:
     usable: np.ndarray
     noise_guess: float
 
+    def part(self, rows: np.ndarray) -> _Passages:
+        """Return some of the revolutions."""
+        found = {f.name: getattr(self, f.name) for f in fields(self)}
+        return _Passages(**{name: v[rows] if isinstance(v, np.ndarray) else v for name, v in found.items()})
+
 
 @dataclass(frozen=True, eq=False)
 class _State:
@@ -290,6 +294,16 @@ class _State:
     force: np.ndarray
     shift: np.ndarray
     resistance: np.ndarray
+
+    def part(self, rows: np.ndarray) -> _State:
+        return _State(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def with_rows(self, rows: np.ndarray, other: _State) -> _State:
+        """Return the state with some revolutions out of another."""
+        found = [getattr(self, f.name).copy() for f in fields(self)]
+        for values, f in zip(found, fields(self), strict=True):
+            values[rows] = getattr(other, f.name)
+        return _State(*found)
 
     def moved(self, step: np.ndarray, top: float) -> _State:
         """Return the state after a step (m, 4), shortened where it goes too far at once."""
@@ -307,14 +321,14 @@ class _State:
 class _Fit:
     """One pass.
 
-    The state after it, covariance (m, 8, 8), the last step over its standard error, chi2 over degrees of freedom (m,),
+    The state after it, covariance (m, 8, 8), whether the step was one that a linear model bears, chi2 over degrees of freedom (m,),
     residual (V, (m, ANGLES), 0 where missing), the spectra of the columns with the missing filled, and what is left
     over likewise (V).
     """
 
     state: _State
     covariance: np.ndarray
-    moved: np.ndarray
+    settled: np.ndarray
     chi2: np.ndarray
     residual: np.ndarray
     spectra: np.ndarray
@@ -407,6 +421,21 @@ def _on_bins(harmonics: np.ndarray, bins: int, offset: float) -> np.ndarray:
     return np.asarray(np.fft.irfft(turned, bins, axis=1) * bins)
 
 
+def _coarse_fit(data: _Passages, known: WaveformLibrary) -> _State:
+    """Fit by plain least squares until the next step under the noise is a small one; few revolutions need many passes."""
+    state = _start(data, known)
+    rows = np.arange(data.time.size)
+    for _ in range(_COARSE_PASSES):
+        before = state.part(rows)
+        after = _coarse_step(data.part(rows), before, known)
+        state = state.with_rows(rows, after)
+        moved = np.abs(after.load - before.load) / (0.02 * before.load + 20.0) + np.abs(after.shift - before.shift) / 5e-3
+        rows = rows[moved > 1.0]
+        if rows.size == 0:
+            break
+    return state
+
+
 def _coarse_step(data: _Passages, state: _State, known: WaveformLibrary) -> _State:
     """Make one Gauss-Newton step by plain least squares over the angles that hold samples."""
     sensor = known.tire.sensor
@@ -471,11 +500,10 @@ def _step(
     # The unknowns are gains @ voltage; under noise of any spectrum their covariance is gains C gains'.
     gains = np.matmul(inverse, np.fft.irfft(weights[:, None, :] * J, ANGLES, axis=2))
     covariance = _under_noise(gains, variances) + np.matmul(inverse * prior[:, None, :], inverse.swapaxes(1, 2))
-    sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    moved = np.abs(step / sd)[:, :4].max(axis=1)
+    settled = (np.abs(step[:, 0]) < 0.1 * state.load + 50.0) & (np.abs(step[:, 2]) < 0.02) & np.isfinite(step).all(axis=1)
     left = np.fft.irfft(r - np.matmul(step[:, None, :], J)[:, 0], ANGLES, axis=1)
     after = state.moved(step[:, :4], known.top)
-    return _Fit(after, covariance, moved, squares / freedom, residual, J, left)
+    return _Fit(after, covariance, settled, squares / freedom, residual, J, left)
 
 
 def _under_noise(gains: np.ndarray, variances: np.ndarray) -> np.ndarray:
