@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.recording import Condition, QualityFinding, Recording
 from pipeline.rigs.tire.bench.reference import LOAD, SPEED, Reference, reference_of
+from pipeline.rigs.tire.bench.speed_line import SpeedPoint, speed_point
 from pipeline.rigs.tire.passages.device import Device, device_of
 from pipeline.rigs.tire.passages.passage_faults import Course, course_of, passage_findings
 from pipeline.rigs.tire.passages.revolutions import Revolutions, joined, revolutions_of
@@ -35,10 +36,12 @@ class BenchRun:
         Of the transmitter: see `passages`.
     reference
         Means of the reference channels over the revolutions used.
-    rotation, rotation_se
-        Mean rotation over the same time, rad/s.
+    point
+        Mean rotation (rad/s) and speed (m/s) over the same time.
     findings
         What is to be said of the run.
+    supply
+        Mean current (A) and battery voltage (V, NaN where not logged) of the transmitter; None without a current.
     """
 
     name: str
@@ -48,14 +51,19 @@ class BenchRun:
     revolutions: Revolutions
     waveform: Waveform
     reference: Reference
-    rotation: float
-    rotation_se: float
+    point: SpeedPoint
     findings: tuple[QualityFinding, ...]
+    supply: tuple[float, float] | None = None
 
     def told(self, name: str) -> float | None:
         """Return a numeric condition, None where the run does not state it."""
         value = self.conditions.get(name)
         return None if value is None or isinstance(value, str | bool) else float(value)
+
+    @property
+    def rotation(self) -> float:
+        """Mean rotation, rad/s."""
+        return self.point.rotation
 
     @property
     def load(self) -> float:
@@ -118,11 +126,11 @@ def bench_run(recording: Recording) -> BenchRun:
         raise InputError(told if told.startswith("run ") else f"run '{recording.run}': {told}") from error
     begin, end = _turns(revolutions)
     reference = reference_of(recording, begin, end)
-    rotation, rotation_se = _rotation(revolutions, reference)
+    point = _speed_point(recording, revolutions, reference)
     findings = (*passage_findings(device, course, waveform), *reference.findings)
     return BenchRun(
-        recording.run, dict(recording.conditions), device, course, revolutions, waveform, reference, rotation,
-        rotation_se, tuple(findings),
+        recording.run, dict(recording.conditions), device, course, revolutions, waveform, reference, point,
+        tuple(findings), _supply(recording),
     )  # fmt: skip
 
 
@@ -147,12 +155,25 @@ def _turns(revolutions: Revolutions) -> tuple[np.ndarray, np.ndarray]:
     return revolutions.times[known] - half, revolutions.times[known] + half
 
 
-def _rotation(revolutions: Revolutions, reference: Reference) -> tuple[float, float]:
-    """Return the mean rotation over the revolutions that the reference covers, with its standard error, rad/s."""
-    begin, end = _turns(revolutions)
-    covered = (begin >= reference.span[0]) & (end <= reference.span[1])
-    if covered.sum() < _FEWEST:
-        covered = np.ones(begin.size, dtype=bool)
-    turns, time = int(covered.sum()), float((end - begin)[covered].sum())
-    jitter = float(np.nanmedian(revolutions.time_se))
-    return 2.0 * math.pi * turns / time, 2.0 * math.pi * turns / time**2 * math.sqrt(2.0) * jitter
+def _speed_point(recording: Recording, revolutions: Revolutions, reference: Reference) -> SpeedPoint:
+    """Return rotation and speed over the same span; the speed is NaN where there is none."""
+    known = np.isfinite(revolutions.speed)
+    rotation = float(np.mean(revolutions.speed[known]))
+    error = float(np.sqrt(np.nanmean(revolutions.speed_se[known] ** 2) / max(known.sum(), 1)))
+    alone = SpeedPoint(recording.run, rotation, error, math.nan, math.nan)
+    if SPEED not in reference.means:
+        return alone
+    time, speed = recording.signal(SPEED)
+    try:
+        return speed_point(recording.run, revolutions.times, revolutions.speed, revolutions.speed_se, time, speed)
+    except InputError:
+        return alone
+
+
+def _supply(recording: Recording) -> tuple[float, float] | None:
+    means = {
+        name: float(np.nanmean(values))
+        for name in ("supply_current", "battery_voltage")
+        if name in recording and np.isfinite(values := recording.values(name)).any()
+    }
+    return (means["supply_current"], means.get("battery_voltage", math.nan)) if "supply_current" in means else None

@@ -22,17 +22,17 @@ _HYSTERESIS, _ALIKE_SPEED = 0.02, 0.05
 _STEEP = 6e-4
 
 
-def load_faults(run: BenchRun) -> tuple[str, list[QualityFinding]]:
-    """Return why a run's vertical_load is not to be used (empty where it is), and what is to be said."""
+def load_faults(run: BenchRun) -> list[QualityFinding]:
+    """Return what is to be said of a run's vertical_load; errors where it cannot be one in N."""
     load, told = run.reference.value(LOAD), run.told("nominal_load")
     if not math.isfinite(load):
-        return "", []
+        return []
     if load <= 0.0:
         text = (
             f"vertical_load is {load:.4g} N on the mean while the tire rolls under load: "
             + ("its sign is turned. Use 'sign: -1' in the recipe" if load < 0.0 else "the cell is dead or not connected")
         )  # fmt: skip
-        return text, [QualityFinding("error", text, run.name, LOAD)]
+        return [QualityFinding("error", text, run.name, LOAD)]
     if told is None or told <= 0.0:
         return _without_nominal(run, load)
     ratio = load / told
@@ -42,21 +42,21 @@ def load_faults(run: BenchRun) -> tuple[str, list[QualityFinding]]:
                 f"load looks like {unit}: vertical_load is {load:.4g} on the mean where {told:.4g} N is set. Give the unit of vertical_load in "
                 "the recipe"
             )
-            return text, [QualityFinding("error", text, run.name, LOAD)]
+            return [QualityFinding("error", text, run.name, LOAD)]
         if abs(ratio * factor - 1.0) < _NEAR:
             text = (
                 f"nominal_load looks like {unit}: it is {told:.4g} where vertical_load is {load:.4g} N on the mean. Give it with its unit, as "
                 f"'200 {unit}'"
             )
-            return "", [QualityFinding("warning", text, run.name, LOAD)]
+            return [QualityFinding("warning", text, run.name, LOAD)]
     off = load - told
     if abs(off) <= _AS_SET * told:
-        return "", []
+        return []
     text = f"vertical_load is {load:.5g} N on the mean where {told:.5g} N is set ({off:+.4g} N)"
     if abs(off) <= _MOST_TARE * told:
-        return "", [QualityFinding("warning", f"{text}. {_tare(run, off)}", run.name, LOAD)]
+        return [QualityFinding("warning", f"{text}. {_tare(run, off)}", run.name, LOAD)]
     why = f"{text}: no load of that run can be relied on. Mend whichever is wrong"
-    return why, [QualityFinding("error", why, run.name, LOAD)]
+    return [QualityFinding("error", why, run.name, LOAD)]
 
 
 def _tare(run: BenchRun, off: float) -> str:
@@ -68,19 +68,19 @@ def _tare(run: BenchRun, off: float) -> str:
     )
 
 
-def _without_nominal(run: BenchRun, load: float) -> tuple[str, list[QualityFinding]]:
+def _without_nominal(run: BenchRun, load: float) -> list[QualityFinding]:
     """Judge a load that is stated nowhere else by the peak's voltage."""
     VIN, R1 = run.device.supply_voltage, run.device.divider_resistance
     level = run.waveform.level
     volts = VIN * (level + run.peak) / (R1 + level + run.peak) - VIN * level / (R1 + level)
     steepness = volts / load * 3.3 / VIN
     if steepness < _STEEP:
-        return "", []
+        return []
     text = (
         f"load looks like kg: the peak rises {1e3 * volts:.3g} mV at vertical_load {load:.4g}, {1e3 * steepness:.2g} mV per unit where "
         "tires give 0.1 to 0.2 mV/N. Give the unit of vertical_load in the recipe, and nominal_load with the runs"
     )
-    return text, [QualityFinding("error", text, run.name, LOAD)]
+    return [QualityFinding("error", text, run.name, LOAD)]
 
 
 def shared_offset(runs: Sequence[BenchRun]) -> list[QualityFinding]:

@@ -63,8 +63,8 @@ def _ring(findings: Findings) -> str:
         f"fitted to the averaged waveforms of {counted(len(findings.arrays['ring_runs']), 'run')} at once by bounded least squares (a decade "
         f"either side of the start, further starts where one ends at a bound or far from the data), each bin weighted by its standard error; angle, R0, a drift of R0 "
         f"and the error of the mean load of each run were fitted along. R = {1e3 * fit['R']:.2f} mm, Ro = {1e3 * fit['Ro']:.1f} mm. The contact length is the span over which the fitted "
-        "road presses. Model and data were both cut at the sensor's highest useful order. A reduced chi-square above "
-        f"{float(findings.settings.get('misfit_limit', 2.0)):g} is told as misfit, and no parameter then stands as the truth."
+        "road presses. Model and data were both cut at the sensor's highest useful order. A residual that is larger than its noise and correlated "
+        "from angle to angle is told as misfit, and no parameter then stands as the truth."
     )
 
 
@@ -95,6 +95,6 @@ _SOURCES = {
 def _film() -> str:
     return (
         "The PVDF was compared with the flex sensor order by order: V_p,n/R2_n = G' e^(i n dtheta) S(n L_p)/S(n Ls) i n Ω tau_p (1 + i n Ω "
-        "tau_f)/(1 + i n Ω tau_p), S(n L) = sin y/y with y = n L/(2R). G', tau_p and dtheta were fitted to the runs at all speeds, and the "
-        "voltage predicted from the flex sensor's waveform; its misfit is told as NRMSE for each run."
+        "tau_f)/(1 + i n Ω tau_p), S(n L) = sin y/y with y = n L/(2R). G', tau_p, tau_f and dtheta were fitted to all runs with errors in both signals, and the "
+        "voltage predicted from the flex sensor's waveform; the rms of its misfit over the peak to peak is told for each run."
     )

@@ -36,12 +36,11 @@ class Mean:
 
 @dataclass(frozen=True)
 class Reference:
-    """Means by channel, what is wrong with those that are missing, and the time (s) that all means cover."""
+    """Means by channel, and what is wrong with those that are missing."""
 
     means: Mapping[str, Mean] = field(default_factory=dict)
     why_not: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[QualityFinding, ...] = ()
-    span: tuple[float, float] = (-math.inf, math.inf)
 
     def value(self, channel: str) -> float:
         """Return the mean of a channel, NaN where there is none."""
@@ -59,7 +58,6 @@ def reference_of(recording: Recording, begin: np.ndarray, end: np.ndarray) -> Re
     taken from its second differences, makes its mean uncertain.
     """
     span = (float(begin.min()), float(end.max()))
-    shared = [-math.inf, math.inf]
     means: dict[str, Mean] = {}
     why: dict[str, str] = {}
     findings: list[QualityFinding] = []
@@ -84,9 +82,8 @@ def reference_of(recording: Recording, begin: np.ndarray, end: np.ndarray) -> Re
             )
             findings.append(QualityFinding("warning", text, recording.run, name, frozen))
         means[name] = _mean(kept)
-        shared = [max(shared[0], float(time[0])), min(shared[1], float(time[-1]))]
         findings += _drifting(recording.run, name, time[inside], values[inside])
-    return Reference(means, why, tuple(findings), (shared[0], shared[1]))
+    return Reference(means, why, tuple(findings))
 
 
 def _set_aside(name: str, reason: str) -> str:

@@ -140,7 +140,8 @@ def _alike(
 ) -> tuple[list[BenchRun], list[BenchRun], float | None]:
     """Part the runs by whether they have the usual value or none; return it as well."""
     usual = _usual(list(values.values()), near)
-    same, others = [], []
+    same: list[BenchRun] = []
+    others: list[BenchRun] = []
     for run in runs:
         value = values[run.name]
         (same if value is None or usual is None or abs(value / usual - 1.0) <= near else others).append(run)

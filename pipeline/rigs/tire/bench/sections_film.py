@@ -8,7 +8,7 @@ from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Status, Table
 from pipeline.rigs.tire.bench.sections_waveform import ANGLE, Blocks, of_run, shown, shown_runs, title_of
 
-# Of the rms of the measured voltage: less is good, more than the second is a warning.
+# Of the measured voltage's peak to peak: less is good, more than the second is a warning.
 GOOD, BAD = 0.02, 0.10
 _REACH = 0.25 * math.pi
 
@@ -78,7 +78,7 @@ def _table(findings: Findings) -> Blocks:
     return [
         Table(
             "film_misfit", "Misfit of the prediction by run",
-            f"Rms of measured less predicted over the rms of the measured voltage; below {100 * GOOD:.0f} % is good, above {100 * BAD:.0f} % the "
+            f"Rms of measured less predicted over the measured voltage's peak to peak; below {100 * GOOD:.0f} % is good, above {100 * BAD:.0f} % the "
             "sensors contradict each other.",
             [Column("run"), Column("NRMSE", "%"), Column("")], rows,
         )

@@ -1,0 +1,293 @@
+"""The runs of one tire together: rolling radius, calibration, ring and PVDF. What is told of them is decided elsewhere."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.errors import InputError, listing
+from pipeline.recording import QualityFinding
+from pipeline.rigs.tire.bench.bench_run import BenchRun
+from pipeline.rigs.tire.bench.calibration import Calibration, PeakPoint, calibrate
+from pipeline.rigs.tire.bench.load_faults import hysteresis, shared_offset
+from pipeline.rigs.tire.bench.outliers import Marks, Odd, odd_runs
+from pipeline.rigs.tire.bench.pvdf_fit import FilmFit, FilmRun, fit_film
+from pipeline.rigs.tire.bench.reference import HEIGHT, LOAD
+from pipeline.rigs.tire.bench.ring_fit import RingFit, fit_ring
+from pipeline.rigs.tire.bench.ring_run import Known, RingRun
+from pipeline.rigs.tire.bench.ring_verdict import RingVerdict, judged
+from pipeline.rigs.tire.bench.same_tire import Tire, at_usual_pressure, pressure_of
+from pipeline.rigs.tire.bench.speed_faults import odd_radii
+from pipeline.rigs.tire.bench.speed_line import SpeedLine, expected_radius, speed_line
+from pipeline.rigs.tire.passages.features import Features, features
+from pipeline.rigs.tire.ring.sensor import highest_order
+
+# Rolling radius by the tire's size instead of a measured one: so uncertain (relative).
+_BY_SIZE_U = 0.01
+_USUAL_RADIUS = 0.317
+# One run in so many may be at fault where the ring does not fit; the others must be more than that.
+_MOST_OUT, _FEWEST_LEFT = 4, 3
+
+
+@dataclass
+class Campaign:
+    """Everything that was found, and why what is None could not be. SI.
+
+    Attributes
+    ----------
+    radius, radius_u
+        R of the ring, m, and its relative standard uncertainty; by the line, or by the tire's size.
+    features
+        Marks of each averaged waveform, by run.
+    uncalibrated, unfitted
+        Runs that are not in the calibration, in the ring fit, with the reason.
+    odd
+        Runs off the curve of the others.
+    """
+
+    tire: Tire
+    runs: list[BenchRun]
+    left_out: dict[str, str] = field(default_factory=dict)
+    findings: list[QualityFinding] = field(default_factory=list)
+    line: SpeedLine | None = None
+    no_line: str = ""
+    radius: float = _USUAL_RADIUS
+    radius_u: float = _BY_SIZE_U
+    features: dict[str, Features] = field(default_factory=dict)
+    odd: list[Odd] = field(default_factory=list)
+    calibration: Calibration | None = None
+    uncalibrated: dict[str, str] = field(default_factory=dict)
+    ring: RingFit | None = None
+    verdict: RingVerdict | None = None
+    no_ring: str = ""
+    unfitted: dict[str, str] = field(default_factory=dict)
+    film: FilmFit | None = None
+    no_film: str = ""
+
+    @property
+    def free_radius(self) -> float:
+        """Ro, m: by the tire's size, else what a tire of this rolling radius has."""
+        if self.tire.free_radius is not None:
+            return self.tire.free_radius
+        return 0.5 * self.radius / expected_radius(1.0)
+
+    def run(self, name: str) -> BenchRun:
+        """Return a run by name."""
+        return next(run for run in self.runs if run.name == name)
+
+
+def campaign_of(tire: Tire, runs: Sequence[BenchRun]) -> Campaign:
+    """Identify what the runs of one tire give together."""
+    found = Campaign(tire, list(runs))
+    _roll(found)
+    order = highest_order(tire.length, found.radius)
+    found.features = {run.name: features(run.waveform, found.radius, order) for run in runs}
+    _look_for_odd(found)
+    found.findings += [*shared_offset(found.runs), *hysteresis(found.runs), *_nominal(found.runs)]
+    _fit_ring(found)
+    _calibrate(found)
+    _fit_film(found)
+    return found
+
+
+def _roll(found: Campaign) -> None:
+    """Fit the speed line, or take the radius by the tire's size."""
+    odd = odd_radii(found.runs)
+    found.findings += [QualityFinding("warning", text, name, "road_speed") for name, text in odd.items()]
+    points = [run.point for run in found.runs if run.name not in odd and math.isfinite(run.point.speed)]
+    diameter = 2.0 * found.tire.free_radius if found.tire.free_radius is not None else None
+    if points:
+        found.line = speed_line(points, diameter)
+        value, error = found.line.radius.value, found.line.radius.std_error
+        if value is not None and error is not None:
+            found.radius, found.radius_u = value, error / value
+            return
+    if diameter is not None:
+        found.radius = expected_radius(diameter)
+    reasons = list(dict.fromkeys(run.reference.why_not.get("road_speed", "") for run in found.runs))
+    found.no_line = f"no run has a road_speed that can be used ({listing([r for r in reasons if r], 3)})"
+    text = (
+        f"{found.no_line}: the rolling radius is not told, and the ring fit takes {1e3 * found.radius:.1f} mm by the tire's size (3.05 nominal "
+        f"diameters a turn), {100 * _BY_SIZE_U:g} % uncertain. Log the surface speed of drum or belt"
+    )
+    found.findings.append(QualityFinding("warning", text, None, "road_speed"))
+
+
+def _look_for_odd(found: Campaign) -> None:
+    """Leave out of calibration and ring fit what the other runs contradict."""
+    marks = [_marks(run, found.features[run.name]) for run in found.runs if at_usual_pressure(run, found.tire)]
+    found.odd = odd_runs(marks)
+    for one in found.odd:
+        found.uncalibrated[one.run] = found.unfitted[one.run] = one.text
+        text = f"{one.text}. The run is in neither calibration nor ring fit"
+        found.findings.append(QualityFinding("warning", text, one.run, "flex_code" if one.cause == "sensor" else LOAD))
+
+
+def _marks(run: BenchRun, marks: Features) -> Marks:
+    film = run.waveform.film
+    swing = float(np.nanmax(film) - np.nanmin(film)) if film is not None and np.isfinite(film).any() else math.nan
+    return Marks(run.name, run.load, run.rotation, marks.value.peak, swing, marks.value.deformation)
+
+
+def _nominal(runs: Sequence[BenchRun]) -> list[QualityFinding]:
+    """Tell of runs whose load is the one that was set."""
+    without = [run for run in runs if LOAD not in run.reference.means]
+    if not without:
+        return []
+    known = [run.name for run in without if math.isfinite(run.load)]
+    unknown = [run.name for run in without if not math.isfinite(run.load)]
+    found = []
+    if known:
+        text = f"no vertical_load that can be used in {listing(known, 6)}: nominal_load is taken for it, 2 % uncertain. Log the load cell"
+        found.append(QualityFinding("warning", text, None, LOAD))
+    if unknown:
+        text = (
+            f"neither vertical_load nor nominal_load in {listing(unknown, 6)}: these runs serve the rolling radius only. Give nominal_load in "
+            "runs.csv, or log the load cell"
+        )
+        found.append(QualityFinding("warning", text, None, LOAD))
+    return found
+
+
+def _calibrate(found: Campaign) -> None:
+    """Regress the peaks of the runs at the usual pressure; those at another speed are left out there."""
+    points = []
+    ways = [_direction(run.name) for run in found.runs]
+    for run, way in zip(found.runs, ways, strict=True):
+        if run.name in found.uncalibrated:
+            continue
+        if not at_usual_pressure(run, found.tire):
+            found.uncalibrated[run.name] = "it was made at another inflation pressure"
+            continue
+        marks = found.features[run.name]
+        whole = run.revolutions.whole
+        points.append(
+            PeakPoint(
+                run.name, run.load, run.load_se, marks.value.peak, marks.error.peak, run.nominal_load, run.rotation * found.radius,
+                float(np.std(run.revolutions.amplitude[whole])) if whole.sum() > 2 else 0.0, way if min(ways) < 0 else 0,
+            )
+        )  # fmt: skip
+    first = found.runs[0].device
+    level = float(np.nanmean([run.waveform.level for run in found.runs]))
+    masses = [mass for run in found.runs if (mass := run.told("moving_mass")) is not None]
+    found.calibration = calibrate(
+        points, level, first.supply_voltage, first.divider_resistance, load_gain_u=found.tire.load_gain_u, mass=masses[0] if masses else None
+    )  # fmt: skip
+    found.uncalibrated.update(found.calibration.left_out)
+
+
+def _direction(name: str) -> int:
+    """Return -1 for a run whose name says that its load was reached from above, else +1."""
+    return -1 if re.search(r"(?<![a-z])(down|unload\w*|ab|release)(?![a-z])", name.lower()) else 1
+
+
+def _fit_ring(found: Campaign) -> None:
+    """Fit the ring to all runs with a load, each at its own pressure."""
+    tire = found.tire
+    if tire.sensor_length is None:
+        found.no_ring = "sensor_length_flex is not stated, and it trades with the contact length"
+        return
+    runs = []
+    for run in found.runs:
+        if run.name in found.unfitted:
+            continue
+        if not math.isfinite(run.load) or run.load <= 0.0:
+            found.unfitted[run.name] = "its load is not known"
+        else:
+            runs.append(_ring_run(run, tire))
+    if not runs:
+        found.no_ring = (
+            f"no run has a load and a waveform that can be used ({listing(dict.fromkeys(found.unfitted.values()), 3)})"
+        )
+        return
+    known = Known(
+        R=found.radius,
+        R_u=found.radius_u,
+        Ro=found.free_radius,
+        sensor_length=tire.sensor_length,
+        sensor_length_u=tire.sensor_length_u,
+        belt_width=tire.belt_width,
+        pressure_u=tire.pressure_u,
+        load_gain_u=tire.load_gain_u,
+    )
+    try:
+        found.ring = fit_ring(runs, known)
+    except InputError as error:
+        found.no_ring = str(error)
+        return
+    found.verdict = judged(found.ring)
+    if not found.verdict.fits:
+        _without_the_worst(found, runs, known)
+    found.unfitted.update(found.ring.left_out)
+
+
+def _without_the_worst(found: Campaign, runs: list[RingRun], known: Known) -> None:
+    """Look whether the model fits once a run or two are taken out: then those are at fault and not the model."""
+    left, ring = runs, found.ring
+    out: list[str] = []
+    while ring is not None and len(out) < max(len(runs) // _MOST_OUT, 1) and len(left) > _FEWEST_LEFT:
+        worst = max(ring.runs, key=lambda run: run.band_chi2_reduced).run
+        out.append(worst)
+        left = [run for run in left if run.run != worst]
+        ring = fit_ring(left, known, ring.values)
+        verdict = judged(ring)
+        if verdict.fits:
+            found.ring, found.verdict = ring, verdict
+            for name in out:
+                text = "the ring that fits all other runs does not fit this one: creep or bond of the sensor, load or pressure are not what is stated"
+                found.unfitted[name] = found.uncalibrated[name] = text
+                found.findings.append(
+                    QualityFinding("warning", f"{text}. The run is in neither ring fit nor calibration", name)
+                )
+            return
+
+
+def _ring_run(run: BenchRun, tire: Tire) -> RingRun:
+    height = HEIGHT in run.reference.means
+    return RingRun(
+        run=run.name,
+        theta=run.waveform.theta,
+        resistance=run.waveform.mean,
+        std_error=run.waveform.std_error,
+        load=run.load,
+        load_se=run.load_se,
+        rotation=run.waveform.speed,
+        pressure=pressure_of(run, tire),
+        nominal_load=run.nominal_load,
+        nominal_speed=run.nominal_speed,
+        hub_height=run.reference.value(HEIGHT) if height else None,
+        hub_height_se=run.reference.std_error(HEIGHT) if height else None,
+    )
+
+
+def _fit_film(found: Campaign) -> None:
+    """Fit the PVDF's rate model on all runs whose flex sensor is sound."""
+    tire = found.tire
+    unsound = {one.run for one in found.odd if one.cause == "sensor"}
+    runs = [
+        FilmRun(run.name, wave.speed, wave.mean, wave.std_error, wave.film, wave.film_se)
+        for run in found.runs
+        if (wave := run.waveform).film is not None and wave.film_se is not None and run.name not in unsound
+    ]
+    if not runs:
+        found.no_film = "no run has a PVDF signal that can be used"
+        return
+    if tire.film_length is None or tire.sensor_length is None:
+        found.no_film = "the lengths of both sensors are needed: state sensor_length_flex and sensor_length_pvdf"
+        return
+    known = found.ring is not None and found.verdict is not None and found.verdict.fits
+    values = found.ring.values if found.ring is not None and known else None
+    try:
+        found.film = fit_film(
+            runs,
+            film_length=tire.film_length,
+            flex_length=values.sensor_length if values is not None else tire.sensor_length,
+            R=found.radius,
+            flex_lag=values.sensor_lag if values is not None else None,
+        )
+    except InputError as error:
+        found.no_film = str(error)

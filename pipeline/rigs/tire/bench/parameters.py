@@ -1,0 +1,172 @@
+"""The findings' parameters: each number of section 10 once at each of its operating points, with its interval or the reason for none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from pipeline.estimation.estimate import Estimate, estimate, undetermined
+from pipeline.findings import Parameter
+from pipeline.rigs.tire.bench.bench_run import BenchRun
+from pipeline.rigs.tire.bench.campaign import Campaign
+from pipeline.rigs.tire.bench.declaration import PARAMETERS
+from pipeline.rigs.tire.bench.identifiability import PARAMETERS as RING
+from pipeline.rigs.tire.bench.identifiability import contact_lengths, told
+
+_SPECS = {spec.name: spec for spec in PARAMETERS}
+_LENGTHS = {"deformation_length": "deformation", "slope_length": "slope", "zero_length": "zero"}
+_MARKS = {"peak_resistance": "peak", "dip_leading": "dip_leading", "dip_trailing": "dip_trailing"}
+_CALIBRATION = ("load_sensitivity", "calibration_0", "calibration_1", "calibration_2")
+FILM = ("pvdf_gain", "pvdf_time_constant", "pvdf_offset_angle")
+
+
+def parameters_of(found: Campaign, others: Sequence[BenchRun] = ()) -> list[Parameter]:
+    """Return all parameters; of `others`, runs that are left out, the packet loss only."""
+    return [
+        *_told([_radius(found)], "line through the origin, weights by the errors of both means"),
+        *_told(_ring(found), _ring_method(found)),
+        *_told(_contact(found), "joint ring fit, contact solved"),
+        *_told(_by_point(found), "averaged waveform, jackknife over groups of revolutions"),
+        *_told(_of_runs(found), "averaged waveform, jackknife over groups of revolutions"),
+        *_told(_calibration(found), "peaks regressed on loads"),
+        *_told(_film(found), "order by order, weighted least squares"),
+        *_told(_loss([*found.runs, *others]), "counted"),
+    ]
+
+
+def _told(estimates: Iterable[Estimate], method: str) -> list[Parameter]:
+    rows = []
+    for e in estimates:
+        spec = _SPECS[e.name]
+        described = spec.description if not e.reason else f"{spec.description}; {e.reason}"
+        value = e.value if e.value is not None and math.isfinite(e.value) else None
+        known = value is not None and e.std_error is not None and math.isfinite(e.std_error)
+        rows.append(
+            Parameter(
+                name=e.name, symbol=spec.symbol, value=value, std_error=e.std_error if known else None, ci95=e.ci95 if known else None,
+                unit=spec.unit, at=dict(e.at), description=described if value is not None else (e.reason or "not determined"), source=spec.source,
+                method=method if value is not None else "",
+            )
+        )  # fmt: skip
+    return rows
+
+
+def _radius(found: Campaign) -> Estimate:
+    if found.line is None:
+        return undetermined("rolling_radius", found.no_line)
+    if found.line.suspicion:
+        return undetermined("rolling_radius", found.line.suspicion)
+    return found.line.radius
+
+
+def _ring_method(found: Campaign) -> str:
+    n = len(found.ring.runs) if found.ring is not None else 0
+    return f"bounded least squares on {n} averaged waveforms; errors of type A and B"
+
+
+def _ring(found: Campaign) -> list[Estimate]:
+    if found.ring is None or found.verdict is None:
+        return [undetermined(name, found.no_ring) for name in RING]
+    by = told(found.ring, found.verdict)
+    if found.tire.pressure is None and by["belt_width"].value is not None:
+        by["belt_width"] = undetermined(
+            "belt_width",
+            "no run states its inflation pressure, and the waveforms only tell p0 b; state inflation_pressure",
+        )
+    return list(by.values())
+
+
+def _contact(found: Campaign) -> list[Estimate]:
+    if found.ring is None or found.verdict is None:
+        return [undetermined("contact_length", found.no_ring, at) for at in _points(found)]
+    return list(contact_lengths(found.ring, found.verdict))
+
+
+def _points(found: Campaign) -> list[dict[str, float | str | bool]]:
+    points = dict.fromkeys((run.nominal_load, run.nominal_speed) for run in _sound(found))
+    return [{"load": load, "speed": speed} for load, speed in points]
+
+
+def _sound(found: Campaign) -> list[BenchRun]:
+    odd = {one.run for one in found.odd}
+    return [run for run in found.runs if run.name not in odd and math.isfinite(run.nominal_load)]
+
+
+def _by_point(found: Campaign) -> list[Estimate]:
+    """Return the lengths of the waveform at each load and speed as set, runs of one point pooled by weight."""
+    rows = []
+    for at in _points(found):
+        runs = [run for run in _sound(found) if (run.nominal_load, run.nominal_speed) == (at["load"], at["speed"])]
+        for name, field in _LENGTHS.items():
+            pairs = np.array([
+                (getattr(found.features[r.name].value, field), getattr(found.features[r.name].error, field)) for r in runs
+            ])  # fmt: skip
+            rows.append(_pooled(name, pairs[np.isfinite(pairs).all(axis=1)], found, runs, at))
+    return rows
+
+
+def _pooled(
+    name: str, pairs: np.ndarray, found: Campaign, runs: Sequence[BenchRun], at: dict[str, float | str | bool]
+) -> Estimate:
+    if not len(pairs):
+        return undetermined(name, "the waveform has no such marks: part of the revolution is not recorded", at)
+    values, errors = pairs[:, 0], np.maximum(pairs[:, 1], 1e-9)
+    weights = errors**-2.0 / np.sum(errors**-2.0)
+    mean = float(weights @ values)
+    dof = sum(found.features[r.name].groups - 1 for r in runs)
+    scatter = float(np.sum(errors**-2.0)) ** -0.5
+    if len(pairs) > 1:
+        chi2 = float(np.sum(((values - mean) / errors) ** 2)) / (len(pairs) - 1)
+        scatter *= math.sqrt(max(chi2, 1.0))
+    return estimate(name, mean, math.hypot(scatter, found.radius_u * mean), dof=dof, at=at)
+
+
+def _of_runs(found: Campaign) -> list[Estimate]:
+    rows = []
+    for run in found.runs:
+        at: dict[str, float | str | bool] = {"run": run.name}
+        marks, wave = found.features[run.name], run.waveform
+        if math.isfinite(wave.level):
+            rows.append(
+                estimate("sensor_resistance", wave.level, wave.level_se, dof=max(wave.revolutions - 1, 1), at=at,
+                         reason="type A; supply and fixed resistor as stated")
+            )  # fmt: skip
+        else:
+            reason = "part of the revolution is never recorded, so that its mean is not known"
+            rows.append(undetermined("sensor_resistance", reason, at))
+        for name, field in _MARKS.items():
+            value, error = getattr(marks.value, field), getattr(marks.error, field)
+            if math.isfinite(value) and math.isfinite(wave.level):
+                rows.append(estimate(name, value, error, dof=marks.groups - 1, at=at))
+            else:
+                rows.append(
+                    undetermined(name, "the mean of the revolution is not known: part of it is not recorded", at)
+                )
+    return rows
+
+
+def _calibration(found: Campaign) -> list[Estimate]:
+    if found.calibration is None:
+        return [undetermined(name, "no run has a load and a peak that can be used") for name in _CALIBRATION]
+    return [found.calibration.estimates[name] for name in _CALIBRATION]
+
+
+def _film(found: Campaign) -> list[Estimate]:
+    if found.film is None:
+        return [undetermined(name, found.no_film) for name in FILM]
+    rows = [found.film.estimates[name] for name in FILM]
+    rows += [Estimate("pvdf_nrmse", run.nrmse, at={"run": run.run}) for run in found.film.runs]
+    return rows + [undetermined("pvdf_nrmse", why, {"run": run}) for run, why in found.film.left_out.items()]
+
+
+def _loss(runs: Sequence[BenchRun]) -> list[Estimate]:
+    rows = []
+    for run in runs:
+        share, at = run.device.loss.share, {"run": run.name}
+        if math.isfinite(share):
+            rows.append(Estimate("packet_loss", float(share), at=at))
+        else:
+            rows.append(undetermined("packet_loss", "neither sample_index nor packet_counter tells what was lost", at))
+    return rows
