@@ -9,7 +9,18 @@ from importlib import import_module
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-NAMES = ("startup", "mcap_ingest", "csv_ingest", "repro", "shear_fit", "tpjb_dynamic", "tpjb_bias", "tpjb_rotating")
+NAMES = (
+    "startup",
+    "mcap_ingest",
+    "csv_ingest",
+    "repro",
+    "shear_fit",
+    "tpjb_dynamic",
+    "tpjb_bias",
+    "tpjb_rotating",
+    "tire_ring",
+    "tire_drive",
+)
 
 
 def main() -> None:
