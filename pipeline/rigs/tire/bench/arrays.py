@@ -205,13 +205,11 @@ def _curve(found: Campaign) -> dict[str, Any]:
 
 def _calibration_covariance(found: Campaign) -> pd.DataFrame:
     names = ["calibration_0", "calibration_1", "calibration_2"]
-    known = found.calibration is not None and found.calibration.curve is not None
-    matrix = (
-        found.calibration.curve.covariance
-        if found.calibration is not None and found.calibration.curve is not None
-        else []
-    )
-    rows = [{"parameter": name, **dict(zip(names, row, strict=True))} for name, row in zip(names, matrix, strict=known)]
+    curve = found.calibration.curve if found.calibration is not None else None
+    rows = [
+        {"parameter": name, **dict(zip(names, row, strict=True))}
+        for name, row in zip(names, curve.covariance if curve is not None else (), strict=False)
+    ]
     return _table(("parameter", *names), rows)
 
 

@@ -31,6 +31,8 @@ _BY_SIZE_U = 0.01
 _USUAL_RADIUS = 0.317
 # One run in so many may be at fault where the ring does not fit; the others must be more than that.
 _MOST_OUT, _FEWEST_LEFT = 4, 3
+# Asymmetry of the dips in standard errors and over the peak, from which on it is told.
+_SURE, _LOPSIDED = 5.0, 0.003
 
 
 @dataclass
@@ -45,8 +47,8 @@ class Campaign:
         Marks of each averaged waveform, by run.
     uncalibrated, unfitted
         Runs that are not in the calibration, in the ring fit, with the reason.
-    odd
-        Runs off the curve of the others.
+    odd, misfit
+        Runs off the curve of the others; those that the others' ring does not fit.
     """
 
     tire: Tire
@@ -65,6 +67,7 @@ class Campaign:
     verdict: RingVerdict | None = None
     no_ring: str = ""
     unfitted: dict[str, str] = field(default_factory=dict)
+    misfit: set[str] = field(default_factory=set)
     film: FilmFit | None = None
     no_film: str = ""
 
@@ -87,7 +90,9 @@ def campaign_of(tire: Tire, runs: Sequence[BenchRun]) -> Campaign:
     order = highest_order(tire.length, found.radius)
     found.features = {run.name: features(run.waveform, found.radius, order) for run in runs}
     _look_for_odd(found)
-    found.findings += [*shared_offset(found.runs), *hysteresis(found.runs), *_nominal(found.runs)]
+    odd = {one.run for one in found.odd}
+    even = [run for run in found.runs if run.name not in odd]
+    found.findings += [*shared_offset(even), *hysteresis(even), *_nominal(found.runs), *_mirrored(found)]
     _fit_ring(found)
     _calibrate(found)
     _fit_film(found)
@@ -130,7 +135,23 @@ def _look_for_odd(found: Campaign) -> None:
 def _marks(run: BenchRun, marks: Features) -> Marks:
     film = run.waveform.film
     swing = float(np.nanmax(film) - np.nanmin(film)) if film is not None and np.isfinite(film).any() else math.nan
-    return Marks(run.name, run.load, run.rotation, marks.value.peak, swing, marks.value.deformation)
+    peak = marks.value.peak if math.isfinite(run.waveform.level) else math.nan
+    return Marks(run.name, run.load, run.rotation, peak, swing, marks.value.deformation)
+
+
+def _mirrored(found: Campaign) -> list[QualityFinding]:
+    """Tell of runs whose dip is deeper behind the patch: a tire's loss makes the one before it deeper in free rolling."""
+    rows = []
+    for run in found.runs:
+        marks = found.features[run.name]
+        asymmetry, error = marks.value.asymmetry, marks.asymmetry_error
+        if asymmetry < -_SURE * error and asymmetry < -_LOPSIDED * marks.value.peak:
+            text = (
+                f"rotation sense reversed, or the wheel is driven: the trailing dip is {-asymmetry:.0f} ohm deeper than the leading one, and in free rolling the "
+                "loss of the tire makes the leading one deeper. Look at the sense of rotation and the order of time"
+            )
+            rows.append(QualityFinding("warning", text, run.name))
+    return rows
 
 
 def _nominal(runs: Sequence[BenchRun]) -> list[QualityFinding]:
@@ -163,6 +184,9 @@ def _calibrate(found: Campaign) -> None:
         if not at_usual_pressure(run, found.tire):
             found.uncalibrated[run.name] = "it was made at another inflation pressure"
             continue
+        if not math.isfinite(run.waveform.level):
+            found.uncalibrated[run.name] = "the mean of its revolution is not known, as part of it is not recorded"
+            continue
         marks = found.features[run.name]
         whole = run.revolutions.whole
         points.append(
@@ -172,7 +196,8 @@ def _calibrate(found: Campaign) -> None:
             )
         )  # fmt: skip
     first = found.runs[0].device
-    level = float(np.nanmean([run.waveform.level for run in found.runs]))
+    levels = [run.waveform.level for run in found.runs if math.isfinite(run.waveform.level)]
+    level = float(np.mean(levels)) if levels else first.divider_resistance
     masses = [mass for run in found.runs if (mass := run.told("moving_mass")) is not None]
     found.calibration = calibrate(
         points, level, first.supply_voltage, first.divider_resistance, load_gain_u=found.tire.load_gain_u, mass=masses[0] if masses else None
@@ -240,6 +265,7 @@ def _without_the_worst(found: Campaign, runs: list[RingRun], known: Known) -> No
             for name in out:
                 text = "the ring that fits all other runs does not fit this one: creep or bond of the sensor, load or pressure are not what is stated"
                 found.unfitted[name] = found.uncalibrated[name] = text
+                found.misfit.add(name)
                 found.findings.append(
                     QualityFinding("warning", f"{text}. The run is in neither ring fit nor calibration", name)
                 )
@@ -267,7 +293,7 @@ def _ring_run(run: BenchRun, tire: Tire) -> RingRun:
 def _fit_film(found: Campaign) -> None:
     """Fit the PVDF's rate model on all runs whose flex sensor is sound."""
     tire = found.tire
-    unsound = {one.run for one in found.odd if one.cause == "sensor"}
+    unsound = {one.run for one in found.odd if one.cause == "sensor"} | found.misfit
     runs = [
         FilmRun(run.name, wave.speed, wave.mean, wave.std_error, wave.film, wave.film_se)
         for run in found.runs
@@ -279,15 +305,32 @@ def _fit_film(found: Campaign) -> None:
     if tire.film_length is None or tire.sensor_length is None:
         found.no_film = "the lengths of both sensors are needed: state sensor_length_flex and sensor_length_pvdf"
         return
-    known = found.ring is not None and found.verdict is not None and found.verdict.fits
-    values = found.ring.values if found.ring is not None and known else None
     try:
-        found.film = fit_film(
-            runs,
-            film_length=tire.film_length,
-            flex_length=values.sensor_length if values is not None else tire.sensor_length,
-            R=found.radius,
-            flex_lag=values.sensor_lag if values is not None else None,
-        )
+        found.film = _film_of(runs, found)
     except InputError as error:
         found.no_film = str(error)
+        return
+    worst = max(found.film.runs, key=lambda run: run.nrmse).run
+    if found.film.verdict != "bad" or len(found.film.runs) <= _FEWEST_LEFT:
+        return
+    others = _film_of([run for run in runs if run.run != worst], found)
+    if others.verdict != "bad":
+        found.film = others
+        text = (
+            "flex and PVDF contradict each other in this run and in no other: channels swapped, a bond that yields, or the log runs backward. "
+            "It does not enter the PVDF check"
+        )
+        found.findings.append(QualityFinding("warning", text, worst, "pvdf_code"))
+
+
+def _film_of(runs: list[FilmRun], found: Campaign) -> FilmFit:
+    tire = found.tire
+    known = found.ring is not None and found.verdict is not None and found.verdict.fits
+    values = found.ring.values if found.ring is not None and known else None
+    return fit_film(
+        runs,
+        film_length=tire.film_length or math.nan,
+        flex_length=values.sensor_length if values is not None else tire.length,
+        R=found.radius,
+        flex_lag=values.sensor_lag if values is not None else None,
+    )

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.tire.bench.bench_run import bench_run
+from pipeline.rigs.tire.bench.campaign import campaign_of
 from pipeline.rigs.tire.bench.declaration import BenchSettings
-from pipeline.rigs.tire.bench.faults import run_faults
+from pipeline.rigs.tire.bench.faults import errors_of, run_faults
 from pipeline.rigs.tire.bench.same_tire import one_tire
 
 
@@ -20,4 +21,8 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
         If this run alone leaves nothing to identify.
     """
     run = bench_run(recording)
-    return [*run_faults(run), *one_tire([run], BenchSettings()).findings]
+    found = run_faults(run)
+    if errors_of(found):
+        return found
+    alone = one_tire([run], BenchSettings())
+    return [*found, *alone.findings, *campaign_of(alone.tire, alone.runs).findings]

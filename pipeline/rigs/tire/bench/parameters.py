@@ -100,9 +100,10 @@ def _by_point(found: Campaign) -> list[Estimate]:
     for at in _points(found):
         runs = [run for run in _sound(found) if (run.nominal_load, run.nominal_speed) == (at["load"], at["speed"])]
         for name, field in _LENGTHS.items():
+            whole = [r for r in runs if name != "zero_length" or math.isfinite(r.waveform.level)]
             pairs = np.array([
-                (getattr(found.features[r.name].value, field), getattr(found.features[r.name].error, field)) for r in runs
-            ])  # fmt: skip
+                (getattr(found.features[r.name].value, field), getattr(found.features[r.name].error, field)) for r in whole
+            ]).reshape(-1, 2)  # fmt: skip
             rows.append(_pooled(name, pairs[np.isfinite(pairs).all(axis=1)], found, runs, at))
     return rows
 
