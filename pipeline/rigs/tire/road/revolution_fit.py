@@ -6,7 +6,7 @@ weight. The noise's spectrum is learnt from what the fits leave over, so standar
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -225,7 +225,9 @@ class RevolutionFit:
         reason[(state.load >= 0.999 * self.known.top) | (state.load <= _LEAST_LOAD)] = 4
         reason[(misfit > _WORST_MISFIT) | (np.abs(state.shift - usual) > _FARTHEST_SHIFT)] = 3
         reason[~found.settled] = 2
-        unsure = sd[:, :2] / np.stack([_running_median(np.where(data.usable, sd[:, i], np.nan), _NEIGHBOURS) for i in (0, 1)], 1)
+        unsure = sd[:, :2] / np.stack(
+            [_running_median(np.where(data.usable, sd[:, i], np.nan), _NEIGHBOURS) for i in (0, 1)], 1
+        )
         reason[~data.usable | (unsure > _LEAST_SURE).any(axis=1)] = 1
         untold = (reason == 1) | (reason == 2)
 
@@ -361,9 +363,7 @@ def _passages(block: PassageBlock, known: WaveformLibrary) -> _Passages:
     speed = np.where(usable, block.speed, 1.0)
     between = np.diff(voltage[usable], axis=1)
     guess = max(1e-9, float(np.median(np.abs(between))) / 0.954) if between.size else 1.0
-    return _Passages(
-        block.times, block.time_se, speed, block.speed_se, voltage, weight, missing, film, usable, guess
-    )
+    return _Passages(block.times, block.time_se, speed, block.speed_se, voltage, weight, missing, film, usable, guess)
 
 
 def _together(parts: list[_Passages]) -> _Passages:
@@ -429,7 +429,9 @@ def _coarse_fit(data: _Passages, known: WaveformLibrary) -> _State:
         before = state.part(rows)
         after = _coarse_step(data.part(rows), before, known)
         state = state.with_rows(rows, after)
-        moved = np.abs(after.load - before.load) / (0.02 * before.load + 20.0) + np.abs(after.shift - before.shift) / 5e-3
+        moved = (
+            np.abs(after.load - before.load) / (0.02 * before.load + 20.0) + np.abs(after.shift - before.shift) / 5e-3
+        )
         rows = rows[moved > 1.0]
         if rows.size == 0:
             break
@@ -457,9 +459,7 @@ def _shapes(data: _Passages, state: _State, known: WaveformLibrary) -> list[np.n
     return [_on_bins(turned * column, ANGLES, half) for column in (H, slope, pushed, 1j * n * H)]
 
 
-def _step(
-    data: _Passages, state: _State, known: WaveformLibrary, weights: np.ndarray, variances: np.ndarray
-) -> _Fit:
+def _step(data: _Passages, state: _State, known: WaveformLibrary, weights: np.ndarray, variances: np.ndarray) -> _Fit:
     """Make one Gauss-Newton step under the noise.
 
     Fz and Fx change within the turn as the passages beside it tell. How far that, the rotation and its change may be
@@ -500,7 +500,9 @@ def _step(
     # The unknowns are gains @ voltage; under noise of any spectrum their covariance is gains C gains'.
     gains = np.matmul(inverse, np.fft.irfft(weights[:, None, :] * J, ANGLES, axis=2))
     covariance = _under_noise(gains, variances) + np.matmul(inverse * prior[:, None, :], inverse.swapaxes(1, 2))
-    settled = (np.abs(step[:, 0]) < 0.1 * state.load + 50.0) & (np.abs(step[:, 2]) < 0.02) & np.isfinite(step).all(axis=1)
+    settled = (
+        (np.abs(step[:, 0]) < 0.1 * state.load + 50.0) & (np.abs(step[:, 2]) < 0.02) & np.isfinite(step).all(axis=1)
+    )
     left = np.fft.irfft(r - np.matmul(step[:, None, :], J)[:, 0], ANGLES, axis=1)
     after = state.moved(step[:, :4], known.top)
     return _Fit(after, covariance, settled, squares / freedom, residual, J, left)

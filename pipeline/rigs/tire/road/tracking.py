@@ -176,7 +176,11 @@ def track(
         density = math.exp(log_q)
         # At the start the rate is as uncertain as a few seconds of wandering make it.
         begun = RevolutionFilter(
-            float(values[first]), 100.0 * float(R[first]) + density**2 * around**3, 4.0 * density**2, density, compiled=compiled
+            float(values[first]),
+            100.0 * float(R[first]) + density**2 * around**3,
+            4.0 * density**2,
+            density,
+            compiled=compiled,
         )
         return begun.advance(steps, measured, R, gate)
 

@@ -1,0 +1,205 @@
+"""Events of a drive: the load leaves its running median, or a longitudinal force acts (tire.md, 5.13).
+
+One tire cannot tell steering from a bump: both are vertical. A change slower than the median's window is none.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+VERTICAL, LONGITUDINAL = "vertical", "longitudinal"
+_FEWEST_IN_WINDOW = 5
+# Of normal deviations a quarter is smaller than this many standard deviations.
+_LOWER_QUARTER = 0.3186394
+# Within a longitudinal event a vertical one has to stand out of what load transfer leaves unexplained.
+_WITHIN = 1.5
+# Rotation by which two revolutions follow each other without a gap, turns.
+_NEXT = 1.5
+# Revolutions that may lack within an event, and the deviation over its limit that they need.
+_REACH = 2
+_BETWEEN = 0.25
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened to the tire.
+
+    Attributes
+    ----------
+    kind
+        `VERTICAL` (steering, bump) or `LONGITUDINAL` (driving, braking).
+    time, time_se
+        Centre of the deviation, s, and its standard error.
+    first, last
+        First and last revolution beyond the limit, s.
+    change
+        Largest deviation, N: of the load from its running median, or the longitudinal force.
+    deviations
+        The same in standard deviations.
+    revolutions
+        How many are beyond the limit.
+    cut
+        Whether it reaches the end of the log or of a gap: centre and change are of what was seen.
+    """
+
+    kind: str
+    time: float
+    time_se: float
+    first: float
+    last: float
+    change: float
+    deviations: float
+    revolutions: int
+    cut: bool
+
+
+def quiet_load(time: np.ndarray, load: np.ndarray, window: float) -> np.ndarray:
+    """Return the running median of the load over `window` s, centred, shape (m,); NaN loads are left out."""
+    first = np.searchsorted(time, time - 0.5 * window)
+    last = np.searchsorted(time, time + 0.5 * window, side="right")
+    found = np.full(time.size, np.nan)
+    for i, (a, b) in enumerate(zip(first, last, strict=True)):
+        part = load[a:b]
+        part = part[np.isfinite(part)]
+        if part.size >= _FEWEST_IN_WINDOW:
+            found[i] = np.median(part)
+    return np.where(np.isfinite(found), found, np.nanmedian(load) if np.isfinite(load).any() else np.nan)
+
+
+def events(
+    time: np.ndarray,
+    speed: np.ndarray,
+    load: np.ndarray,
+    load_se: np.ndarray,
+    force: np.ndarray,
+    force_se: np.ndarray,
+    *,
+    usable: np.ndarray | None = None,
+    deviation: float = 4.0,
+    longitudinal: float = 6.0,
+    window: float = 12.0,
+) -> list[Event]:
+    """Return the events of a drive in order of time.
+
+    A standard deviation is that of the revolution, scaled by the quietest quarter of the drive: so a road of many
+    events hides none, and a rough road is not one event. What the load does in proportion to the longitudinal force is
+    load transfer and no event of its own.
+
+    Parameters
+    ----------
+    time, speed
+        Passages (s, rising) and rotation (rad/s), shape (m,) each.
+    load, load_se, force, force_se
+        Fz and Fx of each revolution and their standard errors, N, unfiltered, shape (m,) each.
+    usable
+        Which revolutions count, bool, shape (m,).
+    deviation, longitudinal
+        Standard deviations from which a revolution deviates, and from which an event is longitudinal.
+    window
+        Of the running median, s.
+    """
+    known = np.isfinite(load) & np.isfinite(force) & np.isfinite(load_se) & np.isfinite(force_se)
+    if usable is not None:
+        known &= usable
+    at = np.flatnonzero(known)
+    if at.size < 2 * _FEWEST_IN_WINDOW:
+        return []
+    t, rotation, Fz, Fx = time[at], speed[at], load[at], force[at]
+    force_sd = force_se[at] * _scale(Fx / force_se[at])
+    carried, strong = _load_transfer(t, Fz, Fx, force_sd, longitudinal, window)
+    left = Fz - carried
+    left = left - quiet_load(t, left, window)
+    load_sd = load_se[at] * _scale(left / load_se[at])
+    joins = np.diff(t) * np.minimum(rotation[1:], rotation[:-1]) < _NEXT * 2.0 * math.pi
+    found = []
+    for begin, end in _runs(Fx / (deviation * force_sd), t, rotation):
+        event = _event(LONGITUDINAL, t, Fx, force_sd, begin, end, joins)
+        if event.deviations > longitudinal:
+            found.append(event)
+    limit = deviation * np.where(strong, _WITHIN, 1.0)
+    for begin, end in _runs(left / (limit * load_sd), t, rotation):
+        found.append(_event(VERTICAL, t, left, load_sd, begin, end, joins))
+    return sorted(found, key=lambda event: event.time)
+
+
+def _scale(standardised: np.ndarray) -> float:
+    """Return how much larger deviations are than their errors tell, by their quietest quarter; 1 at least."""
+    return max(1.0, float(np.quantile(np.abs(standardised), 0.25)) / _LOWER_QUARTER)
+
+
+def _load_transfer(
+    time: np.ndarray, load: np.ndarray, force: np.ndarray, force_sd: np.ndarray, longitudinal: float, window: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what driving and braking shift of the load, N, and where they act, shape (m,) each."""
+    strong = np.abs(force) > longitudinal * force_sd
+    calm = np.where(strong, np.nan, load)
+    off = load - quiet_load(time, calm, window)
+    carried = np.zeros(time.size)
+    for acting in (strong & (force > 0.0), strong & (force < 0.0)):
+        if np.count_nonzero(acting) >= _FEWEST_IN_WINDOW:
+            share = float(np.median(off[acting] / force[acting]))
+            side = np.sign(force) == np.sign(force[acting][0])
+            carried[side] = share * force[side]
+    return carried, strong
+
+
+def _runs(beyond: np.ndarray, time: np.ndarray, rotation: np.ndarray) -> list[tuple[int, int]]:
+    """Return first and last place of each stretch that is an event; `beyond` is the deviation over its limit, signed.
+
+    Two revolutions in a row at the limit are one. So are two or three above half of it that weigh as much together:
+    a short event between two passages is lower on both.
+    """
+    core = np.zeros(beyond.size, dtype=bool)
+    turns = np.concatenate([[math.inf], np.diff(time) * np.minimum(rotation[1:], rotation[:-1]) / (2.0 * math.pi)])
+    for count in (2, 3):
+        if beyond.size < count:
+            break
+        windows = np.lib.stride_tricks.sliding_window_view(beyond, count)
+        least = (np.sign(windows[:, :1]) * windows).min(axis=1)
+        enough = (least > 0.5) & (np.abs(windows.sum(axis=1)) >= math.sqrt(2.0 * count))
+        enough &= np.lib.stride_tricks.sliding_window_view(turns, count)[:, 1:].max(axis=1) < _REACH + 0.5
+        for i in np.flatnonzero(enough):
+            core[i : i + count] = True
+    found: list[list[int]] = []
+    for i in np.flatnonzero(core):
+        if found:
+            last = found[-1][1]
+            apart = (time[i] - time[last]) * rotation[last] / (2.0 * math.pi)
+            lowest = float((np.sign(beyond[i]) * beyond[last : i + 1]).min())
+            if i - last <= _REACH and apart < _REACH + 0.5 and lowest > _BETWEEN:
+                found[-1][1] = int(i)
+                continue
+        found.append([int(i), int(i)])
+    return [(a, b) for a, b in found]
+
+
+def _event(
+    kind: str, time: np.ndarray, values: np.ndarray, sd: np.ndarray, begin: int, end: int, joins: np.ndarray
+) -> Event:
+    """Return the event of a stretch: its centre is the centroid of the deviation with a revolution on either side."""
+    a, b = max(begin - 1, 0), min(end + 1, time.size - 1)
+    top = begin + int(np.argmax(np.abs(values[begin : end + 1])))
+    side = np.sign(values[top])
+    height = np.maximum(side * values[a : b + 1], 0.0)
+    spans = np.gradient(time[a : b + 1])
+    weight = height * spans
+    centre = float((weight * time[a : b + 1]).sum() / weight.sum())
+    lever = spans * (time[a : b + 1] - centre) / weight.sum()
+    noise = float(np.sqrt(((lever * sd[a : b + 1]) ** 2).sum()))
+    # Where the deviation begins and ends is seen once a turn only; as it fades in and out, a quarter of that is felt.
+    sampled = 0.25 * float(spans.max()) / math.sqrt(12.0)
+    cut = begin == 0 or end == time.size - 1 or not joins[max(begin - 1, 0) : end + 1].all()
+    return Event(
+        kind,
+        centre,
+        math.hypot(noise, sampled),
+        float(time[begin]),
+        float(time[end]),
+        float(values[top]),
+        float(np.abs(values[top]) / sd[top]),
+        int(end - begin + 1),
+        bool(cut),
+    )
