@@ -69,6 +69,7 @@ class SelectedChannel:
     offset: float = 0.0
     required: bool = False
     limit: float | None = None
+    counts_samples: bool = False
 
     def si(self, raw: np.ndarray) -> np.ndarray:
         """Return samples (n,) in SI; words stay words, numbers of a text channel become words."""
@@ -239,6 +240,7 @@ def _selected(
         entry.sign * (entry.offset * to_si.factor + to_si.offset),
         spec.required,
         spec.limit,
+        spec.counts_samples,
     )
 
 

@@ -24,6 +24,8 @@ class ChannelLike(Protocol):
     def required(self) -> bool: ...  # noqa: D102
     @property
     def limit(self) -> float | None: ...  # noqa: D102
+    @property
+    def counts_samples(self) -> bool: ...  # noqa: D102
 
 
 def plain(name: str) -> str:

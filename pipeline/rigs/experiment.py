@@ -77,7 +77,8 @@ class ChannelSpec:
     """A channel that a run carries: canonical name, SI unit ('' for text), what it is and its sign.
 
     `limit` is the largest magnitude (SI) that is physically plausible; beyond it a wrong unit is
-    suspected and said.
+    suspected and said. `counts_samples` marks a counter by which the rig knows what was lost on the way: whether the
+    gaps of its stream matter is then for the rig to say.
     """
 
     name: str
@@ -85,6 +86,7 @@ class ChannelSpec:
     description: str
     required: bool = True
     limit: float | None = None
+    counts_samples: bool = False
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from memory_log import judged
 
+from pipeline.ingest.mapping import SelectedChannel
 from pipeline.ingest.quality import StreamQuality
+from pipeline.ingest.reader import RawChannel
 from pipeline.recording import QualityFinding
 
 N, RATE = 20000, 5000.0
@@ -90,3 +92,18 @@ def test_rate_and_duration_are_those_of_the_stamps(block: int) -> None:
     summary = quality(np.delete(TRUE, slice(5000, 5050)) + 3.0, block).summary()
     assert summary.rate == pytest.approx(RATE, rel=1e-9)
     assert (summary.n, summary.start, summary.end) == (N - 50, 3.0, pytest.approx(3.0 + TRUE[-1]))
+
+
+def test_gaps_beside_a_counter_of_samples_are_the_rigs_to_judge() -> None:
+    kept = np.delete(np.arange(3000.0), slice(1000, 1200))
+    quality = StreamQuality(
+        [
+            SelectedChannel("index", RawChannel("index", "1"), "1", "1", counts_samples=True),
+            SelectedChannel("force", RawChannel("force", "N"), "N", "N"),
+        ]
+    )
+    quality.add(kept / 1000.0, {"index": kept, "force": np.sin(kept / 7.0)})
+    quality.finish()
+    (finding,) = quality.findings()
+    assert finding.level == "note"
+    assert "a gap from 0.999 s to 1.2 s (200 samples)" in finding.message

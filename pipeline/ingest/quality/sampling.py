@@ -135,18 +135,18 @@ class Sampling:
         if self._longest is None or gap.end - gap.start > self._longest.end - self._longest.start:
             self._longest = gap
 
-    def findings(self) -> list[QualityFinding]:
-        """Return what is to be said, at most one finding of each kind."""
+    def findings(self, losses_counted: bool = False) -> list[QualityFinding]:
+        """Return what is to be said, at most one finding of each kind; gaps only as a note where losses are counted."""
         if self.n < 2:
             return []
-        return [*self._said_gaps(), *(self._said_rate() or self._said_spread())]
+        return [*self._said_gaps(losses_counted), *(self._said_rate() or self._said_spread())]
 
-    def _said_gaps(self) -> list[QualityFinding]:
+    def _said_gaps(self, losses_counted: bool) -> list[QualityFinding]:
         gap = self._longest
         if gap is None:
             return []
         part = self._lost / (self.n + self._lost)
-        level: Level = "note" if gap.lost <= 3 and part <= 5e-3 else "warning"
+        level: Level = "note" if losses_counted or (gap.lost <= 3 and part <= 5e-3) else "warning"
         where = f"from {gap.start:.6g} s to {gap.end:.6g} s ({counted(gap.lost, 'sample')})"
         if self._n_gaps == 1:
             message = f"a gap {where}: {100 * part:.2g} % of the samples are missing."

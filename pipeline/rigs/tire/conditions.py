@@ -8,8 +8,10 @@ from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Range
 
 _CODE = "code of the analogue-digital converter"
 _CHANNELS = (
-    ChannelSpec("sample_index", "1", "number of the sample since the microcontroller began"),
-    ChannelSpec("packet_counter", "1", "number of the radio packet, counted modulo 2^counter_bits"),
+    ChannelSpec("sample_index", "1", "number of the sample since the microcontroller began", counts_samples=True),
+    ChannelSpec(
+        "packet_counter", "1", "number of the radio packet, counted modulo 2^counter_bits", counts_samples=True
+    ),
     ChannelSpec("flex_code", "1", f"flex sensor, {_CODE}", limit=2.0**24),
     ChannelSpec("flex_voltage", "V", "flex sensor, voltage of the divider's lower leg", limit=30.0),
     ChannelSpec("pvdf_code", "1", f"PVDF film, {_CODE}", limit=2.0**24),
