@@ -16,6 +16,8 @@ from pipeline.rigs.tire.passages.layout import Layout, Loss, layout_of
 _SILENCE = 10.0
 # So many equal codes at an end of the scale are clipped.
 _CLIPPED = 3
+# So near to 0 V or to the supply the divider has lost its sensor.
+_OPEN = 0.005
 _TOLD = ("sample_rate", "frames_per_packet", "counter_bits", "gated")
 
 
@@ -61,6 +63,8 @@ class Device:
         VIN, V; R1, ohm; the voltage of the converter's highest code + 1.
     polarity
         +1 or -1 as told, None where not told.
+    on_road
+        Whether speed and load change at will.
     sensor_resistance
         R0 as told, ohm, or None.
     quality
@@ -77,6 +81,7 @@ class Device:
     polarity: int | None
     gated: bool
     has_film: bool
+    on_road: bool
     sensor_resistance: float | None
     loss: Loss
     quality: tuple[QualityFinding, ...]
@@ -137,6 +142,7 @@ def device_of(recording: Recording) -> Device:
         polarity=None if polarity is None else (-1 if float(polarity) < 0.0 else 1),
         gated=bool(told.get("gated", 0.0)),
         has_film=_name(stream, "pvdf") in stream.channels,
+        on_road=recording.conditions.get("bench_or_road", "road" if "vehicle_speed" in recording else "") == "road",
         sensor_resistance=None if R0 is None else float(R0),
         loss=layout.loss,
         quality=_findings(recording.run, layout),
@@ -231,7 +237,9 @@ class _Gatherer:
         gap = following - self._first - self._filled
         length = self._filled if gap > self._silence else min(self._filled + gap, self._size)
         values, device = self._buffer[:, :length], self._device
-        clipped = [_clipped(row, device.adc_full_scale, device.step) for row in values]
+        ends = [(0.5 * device.step, device.adc_full_scale - 1.5 * device.step)] * self._channels
+        ends[0] = (max(ends[0][0], _OPEN * device.supply_voltage), min(ends[0][1], (1.0 - _OPEN) * device.supply_voltage))
+        clipped = [_clipped(row, *end) for row, end in zip(values, ends, strict=True)]
         for row, mask in zip(values, clipped, strict=True):
             if mask is not None:
                 row[mask] = np.nan
@@ -250,9 +258,9 @@ class _Gatherer:
         return piece
 
 
-def _clipped(volts: np.ndarray, full_scale: float, step: float) -> np.ndarray | None:
-    """Return which samples are at an end of the scale, at least three in a row; None where there are none."""
-    at_end = (volts < 0.5 * step) | (volts > full_scale - 1.5 * step)
+def _clipped(volts: np.ndarray, least: float, most: float) -> np.ndarray | None:
+    """Return which samples are beyond the ends of the scale, at least three in a row; None where there are none."""
+    at_end = (volts < least) | (volts > most)
     if not at_end.any():
         return None
     edges = np.flatnonzero(np.diff(np.concatenate([[False], at_end, [False]]).astype(np.int8)))

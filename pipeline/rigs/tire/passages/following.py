@@ -8,13 +8,13 @@ import numpy as np
 
 from pipeline.rigs.tire.passages.chains import Chain, chains_of
 from pipeline.rigs.tire.passages.device import Device, Piece
-from pipeline.rigs.tire.passages.loops import in_bins
+from pipeline.rigs.tire.passages.loops import block_means, in_bins
 from pipeline.rigs.tire.passages.order_tracking import monotone_slopes
 from pipeline.rigs.tire.passages.peaks import coarse, humps_of, pointing
-from pipeline.rigs.tire.passages.resistance import from_volts, in_upper_leg
+from pipeline.rigs.tire.passages.resistance import in_upper_leg
 from pipeline.rigs.tire.passages.revolutions import BINS, Revolutions, joined, none_of
-from pipeline.rigs.tire.passages.template import Template, bridged, from_bins
-from pipeline.rigs.tire.passages.times import PassageFit, between, colour, fitted
+from pipeline.rigs.tire.passages.template import FINE, ORDERS, Template, bridged, from_bins
+from pipeline.rigs.tire.passages.times import PassageFit, between, fitted, standard_errors
 
 # Longest stretch that is kept for the next piece, s; turns that are kept; what is kept where there is no passage, s.
 _KEPT, _TURNS, _TAIL = 120.0, 3.6, 20.0
@@ -24,8 +24,14 @@ _EXPLAINED, _LEAST = 0.5, 0.15
 _INFORMATION = 0.1
 # A revolution is whole with this share of its samples about the patch.
 _WHOLE, _PATCH = 0.6, 0.12
-_FIRST_PASSES = 4
+_FIRST_PASSES = 5
 _ENOUGH = 8
+# Orders of the template per sample of a revolution: more of them would follow each revolution's own few samples.
+_PER_ORDER, _FEWEST_ORDERS = 0.7, 24.0
+# The flex sensor that reads an end of its range for so many seconds is broken.
+_OPEN = 1.0
+# What the mains do is looked for in so many seconds.
+_HUM = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +66,10 @@ class Follower:
             self._keep(stretch, flex.size - int(_TAIL * rate))
             quantiles = np.nanquantile(means, [0.005, 0.995]) if np.isfinite(means).any() else [np.nan, np.nan]
             span = (stretch.begins, stretch.begins + flex.size / rate)
-            return replace(none_of(self._device), still=(span,), swing=float(quantiles[1] - quantiles[0]))
+            swing = float(quantiles[1] - quantiles[0])
+            return replace(none_of(self._device), still=(span,), open=self._open(stretch), swing=swing)
         found = humps_of(self._sign * means, size, rate, step)
+        opened = self._open(stretch)
         valid = np.concatenate([[0], np.cumsum(np.isfinite(flex))])
         chains, doubled = chains_of(found.places, found.heights, valid)
         refined = [self._refined(flex, chain, valid) for chain in chains]
@@ -73,7 +81,11 @@ class Follower:
             self._keep(stretch, int(places[-4] - 0.6 * (places[-3] - places[-4])))
         else:
             self._keep(stretch, flex.size - int(_TAIL * rate))
-        still = tuple((stretch.begins + a / rate, stretch.begins + b / rate) for a, b in found.empty)
+        still = tuple(
+            (stretch.begins + a / rate, stretch.begins + b / rate)
+            for a, b in found.empty
+            if not any(entry.places[0] < b and a < entry.places[-1] for entry in good)
+        )
         stops = tuple(
             (stretch.begins + before.places[-1] / rate, stretch.begins + behind.places[0] / rate)
             for before, behind in zip(good[:-1], good[1:], strict=True)
@@ -85,10 +97,22 @@ class Follower:
             done,
             stops=stops,
             still=still,
+            open=opened,
             doubled=doubled,
             polarity=self._polarity(),
             upper_leg=self._upper_leg,
             swing=found.swing,
+        )
+
+    def _open(self, stretch: Piece) -> tuple[tuple[float, float], ...]:
+        """Return when the flex sensor reads an end of its range for longer than a passage can."""
+        if stretch.clipped is None:
+            return ()
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], stretch.clipped | np.isnan(stretch.flex), [False]]).astype(np.int8)))
+        return tuple(
+            (stretch.begins + a / stretch.rate, stretch.begins + b / stretch.rate)
+            for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+            if b - a > _OPEN * stretch.rate and stretch.clipped[a:b].mean() > 0.5
         )
 
     def _polarity(self) -> int:
@@ -164,8 +188,7 @@ class Follower:
             places = between(np.where(known, fit.places, places), known)
         self._template = template
         fit = fitted(flex, places, template)
-        factor = colour(flex, places, template, fit.amplitude)
-        errors = np.where(known, fit.errors * factor, _guess_error(places, known))
+        errors = np.where(known, standard_errors(flex, places, template, fit), _guess_error(places, known))
         return _Refined(replace(chain, repaired=~known), places, errors, fit)
 
     def _real(self, fit: PassageFit, chain: Chain) -> np.ndarray:
@@ -179,7 +202,8 @@ class Follower:
         means, counts = _tables(places.size)
         nothing = np.zeros(1)
         in_bins(flex, places, slopes, 0, places.size - 1, nothing, nothing, 0.0, 0.0, False, BINS, means, counts)
-        return from_bins(_mean_of(means, counts))
+        per_turn = float(np.median(np.diff(places)))
+        return from_bins(_mean_of(means, counts), int(np.clip(_PER_ORDER * per_turn, _FEWEST_ORDERS, ORDERS)))
 
     def _binned(self, stretch: Piece, entry: _Refined, *, last: bool) -> Revolutions:
         """Return the revolutions of a chain that are new and have a passage on either side."""
@@ -209,19 +233,21 @@ class Follower:
         level, amplitude = _against(resistance, count, template, polarity)
         if polarity < 0:
             resistance = 2.0 * level[:, None] - resistance
-        film, film_amplitude = self._film(stretch, places, slopes, first, final)
+        film, film_amplitude, film_skewness = self._film(stretch, places, slopes, first, final)
         clipped = _share_clipped(stretch.clipped, places, first, final)
         film_clipped = _share_clipped(stretch.film_clipped, places, first, final)
         if film is not None:
             film[film_clipped > 0.0] = np.nan
         middle = to_slope(level, VIN, R1)
         about = np.abs(np.arange(BINS) - BINS // 2) < _PATCH * BINS
-        expected = 2.0 * _PATCH * (places[first + 1 : final + 2] - places[first - 1 : final]) / 2.0
-        there = count[:, about].sum(axis=1) / np.maximum(expected, 1.0)
+        turns = 0.5 * (places[first + 1 : final + 2] - places[first - 1 : final])
+        ones = np.ones(m)
+        mean = polarity * template.values
         repaired = entry.chain.repaired[first : final + 1]
         across = times[first + 1 : final + 2] - times[first - 1 : final]
         speed = 4.0 * np.pi / across
         errors = entry.errors / rate
+        patch = count[:, about].sum(axis=1) / np.maximum(about.mean() * turns, 1.0)
         both = np.hypot(errors[first + 1 : final + 2], errors[first - 1 : final])
         return Revolutions(
             times=times[first : final + 1],
@@ -232,13 +258,19 @@ class Follower:
             film=film,
             count=count,
             repaired=repaired,
-            whole=(there > _WHOLE) & ~repaired & (clipped == 0.0),
+            whole=(patch > _WHOLE) & ~repaired & (clipped == 0.0),
             level=level,
             amplitude=amplitude,
             noise=entry.fit.noise[first : final + 1] / middle,
             film_amplitude=film_amplitude,
             clipped=clipped,
             film_clipped=film_clipped,
+            share=np.minimum(count.sum(axis=1) / np.maximum(turns, 1.0), 1.0),
+            patch=np.minimum(patch, 1.0),
+            skewness=self._sign * _skewness(self._volts().values) * ones,
+            film_skewness=film_skewness * ones,
+            first_harmonic=2.0 * abs(template.harmonics[1]) / mean.max() * ones,
+            hum=mains(stretch, entry, self._volts()) * ones,
         )
 
     def _in_upper_leg(self, flex: np.ndarray, places: np.ndarray, slopes: np.ndarray) -> bool:
@@ -249,24 +281,64 @@ class Follower:
             bridged(_mean_of(means, counts)), self._device.supply_voltage, self._device.divider_resistance
         )
 
+    def _volts(self) -> Template:
+        """Return the template of the voltage."""
+        assert self._template is not None
+        return self._template
+
     def _film(
         self, stretch: Piece, places: np.ndarray, slopes: np.ndarray, first: int, final: int
-    ) -> tuple[np.ndarray | None, np.ndarray | None]:
-        """Return the film by angle and its peak to peak, V."""
+    ) -> tuple[np.ndarray | None, np.ndarray | None, float]:
+        """Return the film by angle, its peak to peak (V), and the skewness of its mean."""
         if stretch.film is None:
-            return None, None
+            return None, None, np.nan
         m = final - first + 1
         film, count = _tables(m)
         nothing = np.zeros(1)
         in_bins(stretch.film, places, slopes, first, final, nothing, nothing, 0.0, 0.0, False, BINS, film, count)
         if not np.isfinite(film).any():
-            return film, np.full(m, np.nan)
+            return film, np.full(m, np.nan), np.nan
         template = from_bins(_mean_of(film, count))
         in_bins(
             stretch.film, places, slopes, first, final, np.ones(m), template.values, 0.0, 0.0, False, BINS, film, count
         )
         _, amplitude = _against(film, count, template, 1)
-        return film, amplitude / template.height * float(np.ptp(template.values))
+        return film, amplitude / template.height * float(np.ptp(template.values)), _skewness(template.values)
+
+
+def _skewness(values: np.ndarray) -> float:
+    """Return the third moment over the cube of the standard deviation, of values whose mean is zero."""
+    return float(np.mean(values**3) / np.mean(values**2) ** 1.5)
+
+
+def mains(stretch: Piece, entry: _Refined, template: Template) -> float:
+    """Return the amplitude of a line at 50 or 60 Hz in what the template leaves of the flex voltage, V; 0 without one.
+
+    The line must also be far higher than what is left at multiples of the speed of rotation near it.
+    """
+    places = entry.places
+    begin = max(int(places[0]), 0)
+    end = min(int(places[-1]), begin + int(_HUM * stretch.rate), stretch.flex.size)
+    i = np.arange(begin, end)
+    phase = np.interp(i, places, np.arange(places.size, dtype=float))
+    level = np.interp(i, places, entry.fit.amplitude)
+    table = np.interp(((phase + 0.5) % 1.0) * FINE, np.arange(FINE + 1), np.append(template.values, template.values[0]))
+    left = stretch.flex[begin:end] - level * table
+    size = max(1, int(stretch.rate / 500.0))
+    blocks = block_means(left, size)
+    valid = np.isfinite(blocks)
+    if valid.sum() < 0.5 * blocks.size or blocks.size < 500:
+        return 0.0
+    blocks = np.where(valid, blocks - blocks[valid].mean(), 0.0) * np.hanning(blocks.size)
+    lines = 2.0 * np.abs(np.fft.rfft(blocks)) / np.hanning(blocks.size)[valid].sum()
+    frequency = np.fft.rfftfreq(blocks.size, size / stretch.rate)
+    highest = 0.0
+    for hum in (50.0, 60.0):
+        near, beside = np.abs(frequency - hum) < 0.3, np.abs(np.abs(frequency - hum) - 4.5) < 3.5
+        line = float(lines[near].max(initial=0.0))
+        if beside.any() and line > 3.0 * float(lines[beside].max()):
+            highest = max(highest, line)
+    return highest
 
 
 def to_slope(R2: np.ndarray, VIN: float, R1: float) -> np.ndarray:

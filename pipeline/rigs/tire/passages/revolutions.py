@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -40,10 +41,19 @@ class Revolutions:
         Peak to peak of the film, V, shape (m,); None without one.
     clipped, film_clipped
         Share of the revolution's samples at an end of the scale, shape (m,).
+    share, patch
+        Share of the samples that are there: of the revolution, of its part about the patch, shape (m,).
+    skewness, film_skewness, first_harmonic
+        Of the mean waveform of the stretch that the revolution is in: skewness over the angle of flex and film (NaN
+        without one), amplitude of the first harmonic of R2 over its peak, shape (m,).
+    hum
+        Amplitude of the mains' line in the flex voltage of that stretch, V, 0 where none stands out, shape (m,).
     stops
         From when to when (s) no speed can be told although there are samples: the wheel stood or nearly so.
     still
         From when to when (s) nothing like a passage is in the samples.
+    open
+        From when to when (s) the flex sensor reads an end of its range: broken ink, broken wire, short circuit.
     swing
         Largest swing of the flex voltage where there is no revolution at all, V; NaN otherwise.
     doubled
@@ -67,8 +77,15 @@ class Revolutions:
     film_amplitude: np.ndarray | None
     clipped: np.ndarray
     film_clipped: np.ndarray
+    share: np.ndarray
+    patch: np.ndarray
+    skewness: np.ndarray
+    film_skewness: np.ndarray
+    first_harmonic: np.ndarray
+    hum: np.ndarray
     stops: tuple[tuple[float, float], ...] = ()
     still: tuple[tuple[float, float], ...] = ()
+    open: tuple[tuple[float, float], ...] = ()
     swing: float = float("nan")
     doubled: int = 0
     polarity: int = 0
@@ -80,9 +97,12 @@ class Revolutions:
     def __getitem__(self, chosen: np.ndarray | slice) -> Revolutions:
         """Return the revolutions that a mask, indices or a slice choose."""
         found = {f.name: getattr(self, f.name) for f in fields(self)}
-        return Revolutions(
-            **{name: value[chosen] if isinstance(value, np.ndarray) else value for name, value in found.items()}
-        )
+        return replace(self, **{name: value[chosen] for name, value in found.items() if isinstance(value, np.ndarray)})
+
+    def without_tables(self) -> Revolutions:
+        """Return the same without what is told by angle: `resistance`, `film` and `count` have no bins."""
+        none = np.zeros((len(self), 0))
+        return replace(self, resistance=none, film=None, count=none.astype(np.int64))
 
 
 def joined(blocks: Iterable[Revolutions]) -> Revolutions:
@@ -92,18 +112,31 @@ def joined(blocks: Iterable[Revolutions]) -> Revolutions:
         raise ValueError("no block of revolutions")
     if len(parts) == 1:
         return parts[0]
-    together: dict[str, object] = {}
+    together: dict[str, Any] = {}
     for f in fields(Revolutions):
         values = [getattr(part, f.name) for part in parts]
         if isinstance(values[0], np.ndarray):
             together[f.name] = np.concatenate(values)
         elif isinstance(values[0], tuple):
-            together[f.name] = tuple(span for value in values for span in value)
+            together[f.name] = _merged([span for value in values for span in value])
+    swings = [part.swing for part in parts if np.isfinite(part.swing)]
+    return replace(
+        parts[-1],
+        **together,
+        doubled=sum(part.doubled for part in parts),
+        swing=max(swings, default=float("nan")),
+    )
+
+
+def _merged(spans: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """Return the spans in order, those that overlap as one: neighbouring stretches share their ends."""
+    merged: list[tuple[float, float]] = []
+    for begin, end in sorted(spans):
+        if merged and begin <= merged[-1][1] + 1e-9:
+            merged[-1] = (merged[-1][0], max(end, merged[-1][1]))
         else:
-            together[f.name] = values[-1]
-    together["doubled"] = sum(part.doubled for part in parts)
-    together["swing"] = float(np.nanmax([np.nan_to_num(part.swing, nan=-1.0) for part in parts]))
-    return Revolutions(**together)  # type: ignore[arg-type]
+            merged.append((begin, end))
+    return tuple(merged)
 
 
 def revolutions_of(device: Device) -> Iterator[Revolutions]:
@@ -147,4 +180,10 @@ def none_of(device: Device) -> Revolutions:
         film_amplitude=nothing if film else None,
         clipped=nothing,
         film_clipped=nothing,
+        share=nothing,
+        patch=nothing,
+        skewness=nothing,
+        film_skewness=nothing,
+        first_harmonic=nothing,
+        hum=nothing,
     )

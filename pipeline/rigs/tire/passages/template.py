@@ -8,7 +8,7 @@ import numpy as np
 
 FINE = 4096
 # Orders that a template keeps: above, only noise is left of any sensor longer than 15 mm.
-_ORDERS = 200
+ORDERS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ def from_harmonics(harmonics: np.ndarray) -> Template:
     return Template(harmonics, np.fft.fftshift(values), np.fft.fftshift(slope))
 
 
-def from_bins(means: np.ndarray, orders: int = _ORDERS) -> Template:
+def from_bins(means: np.ndarray, orders: int = ORDERS) -> Template:
     """Return the template through the means of even bins of angle, shape (bins,), less their mean.
 
     Empty bins (NaN) are bridged; bins are even angles from -pi.

@@ -9,12 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.rigs.tire.passages.loops import WINDOW, passage_sums
+from pipeline.rigs.tire.passages.loops import WINDOW, block_means, passage_sums
 from pipeline.rigs.tire.passages.order_tracking import monotone, monotone_slopes
 from pipeline.rigs.tire.passages.template import FINE, Template
 
 # Passages whose residuals tell the colour of the noise.
 _SAMPLED = 48
+# From so many revolutions behind a passage on, and up to so many before the next, only noise is left.
+_FAR = 0.2
+# Blocks of a revolution that tell the noise's spectrum.
+_BLOCKS = 8192
+_ROUGHER = 1.5
 _FARTHEST = 0.2
 
 
@@ -26,8 +31,8 @@ class PassageFit:
     ----------
     places, errors
         Moment (samples) and its standard error for white noise, shape (m,).
-    amplitude, level
-        Height by the template's, V over V; level over the window's first sample, V.
+    amplitude
+        Height over the template's.
     noise
         Standard deviation of what is left, V.
     explained
@@ -91,73 +96,118 @@ def between(places: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.where(known, places, guess)
 
 
-def colour(flex: np.ndarray, places: np.ndarray, template: Template, amplitude: np.ndarray) -> np.ndarray:
-    """Return by what factor the noise's colour widens the errors of the moments, shape (m,).
+def standard_errors(flex: np.ndarray, places: np.ndarray, template: Template, fit: PassageFit) -> np.ndarray:
+    """Return the standard errors of the moments by the noise as it is, samples, shape (m,).
 
-    The spectrum of what the fits leave, as against what they would leave of white noise, weighs the spectrum of each
-    estimator. Passages in between are interpolated.
+    The spectrum of the noise is that of what the template leaves far from the patch, where a change of load or force
+    does not reach: there it would be taken for noise. It weighs the spectrum of each estimator. Where nothing is
+    recorded far from the patch, the errors are those of white noise.
     """
-    chosen = np.unique(np.linspace(0, places.size - 1, min(_SAMPLED, places.size)).round().astype(int))
     slopes = monotone_slopes(places, np.arange(places.size, dtype=float))
-    lengths = 2.0 * WINDOW / slopes[chosen]
-    size = 1 << int(np.ceil(np.log2(max(2.0 * lengths.max(), 16.0))))
-    left = np.zeros(size // 2 + 1)
-    white = np.zeros(size // 2 + 1)
-    weights, scale = [], []
-    for k in chosen:
-        found = _residual(flex, places, slopes, int(k), template)
-        if found is None:
-            weights.append(np.zeros(size // 2 + 1))
-            scale.append(0.0)
-            continue
-        residual, columns, weight, there = found
-        left += np.abs(np.fft.rfft(residual, size)) ** 2
-        Q = np.linalg.qr(columns)[0]
-        white += there * 1.0 - (np.abs(np.fft.rfft(Q, size, axis=0)) ** 2).sum(axis=1)
-        power = np.abs(np.fft.rfft(weight, size)) ** 2
-        weights.append(power)
-        scale.append(1.0)
-    if not np.any(scale) or left.sum() == 0.0:
-        return np.ones(places.size)
-    spectrum = left / np.maximum(white, 1e-3 * white.max())
-    level = left.sum() / white.sum()
-    # A few neighbouring lines together, or chance in one of them would rule.
-    spectrum = np.convolve(np.pad(spectrum, 2, mode="reflect"), np.full(5, 0.2), mode="valid") / level
-    factors = np.array(
-        [np.sqrt((spectrum * w).sum() / w.sum()) if on else np.nan for w, on in zip(weights, scale, strict=True)]
-    )
+    inner = np.arange(1, places.size - 1)
+    chosen = inner[np.unique(np.linspace(0, inner.size - 1, min(_SAMPLED, inner.size)).round().astype(int))]
+    longest = 1.0 / slopes[chosen].min()
+    block = max(1, int(longest / _BLOCKS))
+    size = 1 << int(np.ceil(np.log2(max(1.2 * longest / block, 16.0))))
+    far = [_far_noise(flex, places, k, template, float(fit.amplitude[k]), block) for k in chosen.tolist()]
+    weights = np.array([0.0 if left is None else float(np.sum(left.taper**2)) for left in far])
+    if not weights.any():
+        return fit.errors
+    power = sum(np.abs(np.fft.rfft(left.taper * left.residual, size)) ** 2 for left in far if left is not None)
+    spectrum = np.asarray(power) / weights.sum() * places.size / (places.size - 1.0)
+    levels = np.array([0.0 if left is None else float(np.sum((left.taper * left.residual) ** 2)) for left in far])
+    jumps = np.array([np.nan if left is None else left.jump for left in far])
+    if levels.sum() == 0.0:
+        return fit.errors
+    twice = np.full(spectrum.size, 2.0)
+    twice[0] = twice[-1] = 1.0
+    factors = np.full(chosen.size, np.nan)
+    rough = np.full(chosen.size, np.nan)
+    for row, k in enumerate(chosen.tolist()):
+        found = _estimator(flex, places, slopes, k, template, block)
+        if found is not None:
+            weight, white, rough[row] = found
+            coloured = float((twice * spectrum * np.abs(np.fft.rfft(weight, size)) ** 2).sum()) / size
+            factors[row] = np.sqrt(coloured * _nearby(levels, weights, row) / (levels.sum() / weights.sum()) / white)
     good = np.isfinite(factors)
-    return np.asarray(np.maximum(np.interp(np.arange(places.size), chosen[good], factors[good]), 1.0))
+    if not good.any():
+        return fit.errors
+    # What is rougher in the patch than far from it is no change of load: too few samples for so sharp a peak.
+    rougher = float(np.nanmedian(rough[good])) / max(float(np.nanmedian(jumps)), 1e-30)
+    widened = rougher if rougher > _ROUGHER else 1.0
+    factor = np.interp(np.arange(places.size), chosen[good], factors[good]) * widened
+    noise = np.where(fit.noise > 0.0, fit.noise, np.inf)
+    return np.asarray(fit.errors / noise * factor)
 
 
-def _residual(
-    flex: np.ndarray, places: np.ndarray, slopes: np.ndarray, k: int, template: Template
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, int] | None:
-    """Return what the fit of passage k leaves, its columns, the weights of its moment, and how many samples it has."""
-    reach = WINDOW / slopes[k]
-    i = np.arange(max(int(places[k] - reach), 0), min(int(places[k] + reach) + 1, flex.size))
-    angle = (monotone_phase(i, places, slopes, k) + 0.5) * FINE
-    columns = np.column_stack(
-        [
-            np.interp(angle, np.arange(FINE), template.values, period=FINE),
-            np.interp(angle, np.arange(FINE), template.slope, period=FINE),
-            np.ones(i.size),
-        ]
-    )
-    y = flex[i]
-    valid = np.isfinite(y)
-    if valid.sum() < 0.7 * i.size or valid.sum() < 12:
+def _nearby(levels: np.ndarray, weights: np.ndarray, row: int) -> float:
+    """Return the variance of the noise about a passage: median of five that are looked at."""
+    near = slice(max(row - 2, 0), row + 3)
+    there = weights[near] > 0.0
+    if not there.any():
+        return float(levels.sum() / weights.sum())
+    return float(np.median(levels[near][there] / weights[near][there]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Left:
+    """What a fit leaves, V, with the weights of a taper; root mean square of its differences from sample to sample."""
+
+    residual: np.ndarray
+    taper: np.ndarray
+    jump: float
+
+
+def _far_noise(
+    flex: np.ndarray, places: np.ndarray, k: int, template: Template, amplitude: float, block: int
+) -> _Left | None:
+    """Return what is left far behind passage k, in means of `block` samples."""
+    period = places[k + 1] - places[k]
+    begin, end = int(places[k] + _FAR * period), int(places[k + 1] - _FAR * period)
+    means = block_means(flex[begin : min(end, flex.size)], block)
+    valid = np.isfinite(means)
+    if means.size < 8 or valid.sum() < 0.7 * means.size:
         return None
-    columns = np.where(valid[:, None], columns / np.abs(columns).max(axis=0), 0.0)
-    y = np.where(valid, y - y[valid].mean(), 0.0)
+    left = means - amplitude * _at(template.values, begin + _middles(means.size, block), places, k)
+    u = np.linspace(-1.0, 1.0, means.size)
+    left = np.where(valid, left - np.polyval(np.polyfit(u[valid], left[valid], 1), u), 0.0)
+    return _Left(left, np.where(valid, np.cos(0.5 * np.pi * u) ** 2, 0.0), _jump(left, valid))
+
+
+def _estimator(
+    flex: np.ndarray, places: np.ndarray, slopes: np.ndarray, k: int, template: Template, block: int
+) -> tuple[np.ndarray, float, float] | None:
+    """Return the weights of the shift of passage k by block, the sum of their squares by sample, and how rough the rest is."""
+    reach = WINDOW / slopes[k]
+    begin = max(int(places[k] - reach), 0)
+    means = block_means(flex[begin : min(int(places[k] + reach) + 1, flex.size)], block)
+    valid = np.isfinite(means)
+    if valid.sum() < max(0.5 * means.size, 6):
+        return None
+    at = begin + _middles(means.size, block)
+    T, dT = (_at(table, at, places, k) for table in (template.values, template.slope))
+    columns = np.column_stack([T, dT, np.ones(at.size)]) * valid[:, None]
+    columns /= np.abs(columns).max(axis=0)
     pseudo = np.linalg.pinv(columns)
-    return y - columns @ (pseudo @ y), columns, pseudo[1], int(valid.sum())
+    left = np.where(valid, means - columns @ (pseudo @ np.where(valid, means, 0.0)), 0.0)
+    return pseudo[1], float(np.sum(pseudo[1] ** 2)) / block, _jump(left, valid)
 
 
-def monotone_phase(i: np.ndarray, knots: np.ndarray, slopes: np.ndarray, k: int) -> np.ndarray:
-    """Return the phase round passage k, revolutions, at the samples `i`."""
-    order = np.arange(knots.size, dtype=float)
-    return monotone(knots, order, i.astype(float)) - k
+def _middles(n: int, block: int) -> np.ndarray:
+    return np.asarray(np.arange(n) * block + 0.5 * (block - 1))
+
+
+def _jump(left: np.ndarray, valid: np.ndarray) -> float:
+    both = valid[1:] & valid[:-1]
+    return float(np.sqrt(np.mean(np.diff(left)[both] ** 2))) if both.any() else float("nan")
+
+
+def _at(table: np.ndarray, places: np.ndarray, knots: np.ndarray, k: int) -> np.ndarray:
+    """Return a table of the template at places (samples) that reach from passage k to its neighbours at most."""
+    near = slice(max(k - 3, 0), k + 4)
+    order = np.arange(knots.size, dtype=float)[near]
+    angle = (monotone(knots[near], order, places) - k + 0.5) * FINE
+    return np.interp(angle, np.arange(FINE), table, period=FINE)
 
 
 def _full_information(template: Template, n: np.ndarray) -> np.ndarray:

@@ -1,0 +1,317 @@
+"""What is wrong with a run as its device's log alone can tell (tire.md, section 8). References are compared elsewhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from pipeline.errors import counted
+from pipeline.recording import QualityFinding
+from pipeline.recording.recording import Level
+from pipeline.rigs.tire.passages.bonding import Step, step_of
+from pipeline.rigs.tire.passages.device import Device
+from pipeline.rigs.tire.passages.revolutions import Revolutions, joined
+from pipeline.rigs.tire.passages.waveform import Waveform
+
+Course = Revolutions
+"""Revolutions of a whole log without their tables: an hour of them is small."""
+
+_GATED_SHARE, _GATED_PATCH = 0.75, 0.9
+_SKEWED, _EVEN = 2.0, 1.2
+_FIRST_HARMONIC = 0.02
+_DRIFT, _SCATTER = 0.01, 0.02
+_FEWEST = 6
+_DEAD = 5.0
+_HUM = 1.0
+# Amplitude and level that change as a falling supply would let them do, within this share of the change.
+_LIKE_SAG = 0.4
+
+
+def course_of(blocks: Iterable[Revolutions]) -> Course:
+    """Return what single numbers tell of each revolution of a log; one block is held at a time."""
+    return joined(block.without_tables() for block in blocks)
+
+
+def is_gated(device: Device, course: Course) -> bool:
+    """Tell whether the transmitter sleeps away from the patch: as told, or as samples lack there only."""
+    if device.gated:
+        return True
+    if len(course) < _FEWEST:
+        return False
+    return bool(np.median(course.share) < _GATED_SHARE and np.median(course.patch) > _GATED_PATCH)
+
+
+def passage_findings(device: Device, course: Course, waveform: Waveform | None) -> tuple[QualityFinding, ...]:
+    """Return what is wrong with a run, that with its packets included; an error means that it must not be used.
+
+    Parameters
+    ----------
+    course
+        All revolutions of the run, with or without tables.
+    waveform
+        Their average, None where there is none.
+    """
+    found = _Findings(device.run)
+    gated = is_gated(device, course)
+    packets = [f for f in device.quality if not (gated and "packets lost" in f.message)]
+    if gated:
+        found.add("warning", _GATED if device.sensor_resistance else _GATED_WITHOUT, "flex_voltage")
+    _broken(found, device, course)
+    if not len(course):
+        _nothing(found, device, course)
+        return (*packets, *found)
+    _order(found, device, course)
+    if not _exchanged(found, device, course, gated):
+        _signals(found, device, course, waveform, gated)
+        if not device.on_road:
+            _steady(found, device, course)
+    return (*packets, *found)
+
+
+_GATED = (
+    "gated log: baseline not recorded, auto-zero off, R0 from metadata; truncated entry edge: the dips and what depends on "
+    "them are doubtful."
+)
+_GATED_WITHOUT = (
+    "gated log: baseline not recorded, auto-zero off, and the metadata lack sensor_resistance (R0); truncated entry edge. "
+    "State R0 of the mounted sensor, or record without sleep."
+)
+
+
+class _Findings:
+    """Findings of one run."""
+
+    def __init__(self, run: str) -> None:
+        self._run = run
+        self._all: list[QualityFinding] = []
+
+    def add(self, level: Level, message: str, channel: str, span: tuple[float, float] | None = None) -> None:
+        self._all.append(QualityFinding(level, message, self._run, channel, span))
+
+    def __iter__(self) -> Iterator[QualityFinding]:
+        return iter(self._all)
+
+
+def _broken(found: _Findings, device: Device, course: Course) -> None:
+    for begin, end in course.open:
+        to_end = end > device.span[1] - 1.0
+        found.add(
+            "error",
+            f"the flex sensor reads an end of its range from t = {begin:.1f} s {'on' if to_end else f'to {end:.1f} s'} "
+            "(R2 open: V near VIN, or shorted): broken ink or wire.",
+            "flex_voltage",
+            (begin, end),
+        )
+
+
+def _nothing(found: _Findings, device: Device, course: Course) -> None:
+    """Say why there is no revolution."""
+    if course.open:
+        return
+    swing = course.swing
+    seen = f"the flex voltage swings by {swing * 1e3:.1f} mV only" if math.isfinite(swing) else "no sample is valid"
+    if math.isfinite(swing) and swing > 50.0 * device.step:
+        seen = f"the flex voltage swings by {swing * 1e3:.0f} mV but without three regular peaks"
+    found.add(
+        "error",
+        f"no revolution found in {device.duration:.1f} s: {seen}; expected one peak a revolution. The wheel stands, turns "
+        "less than three times or unloaded, or the sensor is dead.",
+        "flex_voltage",
+        device.span,
+    )
+
+
+def _order(found: _Findings, device: Device, course: Course) -> None:
+    """Say which passages are missing, doubled, or not told apart from standing."""
+    repaired = np.flatnonzero(course.repaired)
+    if repaired.size:
+        times = ", ".join(f"{t:.1f}" for t in course.times[repaired[:8]])
+        more = f" and {repaired.size - 8} more" if repaired.size > 8 else ""
+        share = repaired.size / len(course)
+        found.add(
+            "warning" if share > 0.05 else "note",
+            f"{counted(repaired.size, 'passage')} of {len(course)} lost in gaps (t = {times}{more} s): "
+            "put between the neighbours for the angle, left out of the average.",
+            "flex_voltage",
+        )
+    dropped = int((~course.whole & ~course.repaired & (course.clipped == 0.0)).sum())
+    if dropped and not is_gated(device, course):
+        found.add(
+            "warning" if dropped > 0.05 * len(course) else "note",
+            f"{counted(dropped, 'revolution')} of {len(course)} dropped: too many samples lost round the patch.",
+            "flex_voltage",
+        )
+    if course.doubled:
+        found.add("note", f"{counted(course.doubled, 'double peak')} dropped.", "flex_voltage")
+    spans = [(a, b) for a, b in course.stops if b - a > 0.0]
+    for begin, end in spans[:10]:
+        found.add(
+            "note",
+            f"the wheel stands or nearly so, or too much is lost, from t = {begin:.1f} to {end:.1f} s: no speed and no "
+            "revolution there.",
+            "flex_voltage",
+            (begin, end),
+        )
+    if len(spans) > 10:
+        found.add("note", f"{len(spans) - 10} more stops.", "flex_voltage")
+    long = [(a, b) for a, b in course.still if b - a > 15.0 and not _within(a, b, course.open)]
+    for begin, end in long[:10]:
+        found.add(
+            "note",
+            f"no passage from t = {begin:.1f} to {end:.1f} s: the wheel stands or runs unloaded.",
+            "flex_voltage",
+            (begin, end),
+        )
+
+
+def _within(begin: float, end: float, spans: tuple[tuple[float, float], ...]) -> bool:
+    return any(min(end, b) - max(begin, a) > 0.5 * (end - begin) for a, b in spans)
+
+
+def _exchanged(found: _Findings, device: Device, course: Course, gated: bool) -> bool:
+    """Say whether the channels look swapped, or one is dead."""
+    skewness = float(np.median(course.skewness))
+    film = float(np.median(course.film_skewness)) if device.has_film else math.nan
+    if abs(skewness) < _EVEN and not gated:
+        swapped = abs(film) > _SKEWED
+        found.add(
+            "error",
+            f"channels look swapped: skewness of a revolution {skewness:.1f} in the flex channel (expected 3 to 5) and "
+            f"{film:.1f} in the PVDF's (expected about 0). Exchange them in the recipe."
+            if swapped
+            else f"the flex channel does not look like one: skewness of a revolution {skewness:.1f}, expected 3 to 5 "
+            "(one high peak, two shallow dips). Check which channel it is, and its polarity.",
+            "flex_voltage",
+        )
+        return True
+    return False
+
+
+def _signals(found: _Findings, device: Device, course: Course, waveform: Waveform | None, gated: bool) -> None:
+    """Say what is wrong with polarity, range, film, harmonics and hum."""
+    if course.polarity < 0 or course.upper_leg:
+        told = "" if device.polarity is None else f" (told: {device.polarity:+d})"
+        if device.polarity != -1:
+            found.add("warning", _UPPER_LEG if course.upper_leg else f"{_INVERTED_POLARITY}{told}.", "flex_voltage")
+    elif device.polarity == -1:
+        found.add("warning", "flex_polarity is told -1 but the peaks point up: +1 is used.", "flex_voltage")
+    clipped = int((course.clipped > 0.0).sum())
+    if clipped and not course.open:
+        found.add(
+            "error" if clipped > 0.5 * len(course) else "warning",
+            f"flex sensor clipped in {clipped} of {len(course)} revolutions: they are left out. Choose a divider "
+            "resistance nearer to R2.",
+            "flex_voltage",
+        )
+    _film(found, device, course)
+    harmonic = float(np.median(course.first_harmonic))
+    if harmonic > _FIRST_HARMONIC and not gated:
+        found.add(
+            "warning",
+            f"first harmonic of R2 is {harmonic:.1%} of the peak, not explicable by ring bending (limit 2 %): an artefact "
+            "once per revolution, or a wrong divider_resistance or supply_voltage.",
+            "flex_voltage",
+        )
+    hum = float(np.median(course.hum))
+    noise = float(np.median(course.noise))
+    R1, VIN = device.divider_resistance, device.supply_voltage
+    slope = VIN * R1 / (R1 + float(np.median(course.level))) ** 2
+    if hum > _HUM * noise * slope or hum > 5e-3:
+        found.add("warning", f"mains hum of {hum * 1e3:.1f} mV at the flex sensor: shield it.", "flex_voltage")
+
+
+_INVERTED_POLARITY = "flex polarity inverted: the peaks point down; R2 is mirrored about its level"
+_UPPER_LEG = (
+    "flex polarity inverted: the peaks point down because the sensor is in the divider's upper leg (R1 in the lower): R2 = "
+    "R1 (VIN - V)/V is used."
+)
+
+
+def _film(found: _Findings, device: Device, course: Course) -> None:
+    if not device.has_film:
+        found.add(
+            "note",
+            "no PVDF film in the log: debonding of the flex sensor cannot be told from a change of load.",
+            "pvdf_voltage",
+        )
+        return
+    clipped = course.film_clipped > 0.0
+    if clipped.any():
+        least = float(course.speed[clipped].min()) / (2.0 * math.pi)
+        found.add(
+            "warning",
+            f"PVDF clipped in {int(clipped.sum())} of {len(course)} revolutions, from {least:.2f} rev/s on: lower gain. "
+            "They are left out of what the film tells.",
+            "pvdf_voltage",
+        )
+    elif course.film_amplitude is not None and float(np.nanmedian(course.film_amplitude)) < _DEAD * device.step:
+        found.add("warning", "the PVDF film shows no passages: broken or not connected.", "pvdf_voltage")
+
+
+def _steady(found: _Findings, device: Device, course: Course) -> None:
+    """Say what changes along a run that should not: speed, level, height."""
+    good = course.whole & np.isfinite(course.level)
+    if good.sum() < _FEWEST:
+        return
+    scatter = float(course.speed.std() / course.speed.mean())
+    if scatter > _SCATTER:
+        found.add(
+            "warning",
+            f"speed not constant: it scatters by {scatter:.1%} (limit 2 %): use order tracking result only.",
+            "flex_voltage",
+        )
+    step = step_of(course, has_film=device.has_film)
+    if step is not None:
+        _stepped(found, device, course, step)
+        return
+    _drifting(found, device, course, good)
+
+
+def _stepped(found: _Findings, device: Device, course: Course, step: Step) -> None:
+    change = f"fell by {-step.flex:.0%}" if step.flex < 0.0 else f"rose by {step.flex:.0%}"
+    film = "" if step.film is None else f" while PVDF changed by {step.film:+.0%}"
+    why = "debonding or broken ink" if step.flex < 0.0 else "the bond or the gain changed"
+    if step.film is None:
+        why = "debonding or a change of load: no film tells which"
+    found.add(
+        "error",
+        f"flex sensor amplitude {change} at t = {step.time:.1f} s{film} ({step.sds:.0f} sd): {why}. Use the run up to there only.",
+        "flex_voltage",
+        (step.time, device.span[1]),
+    )
+
+
+def _drifting(found: _Findings, device: Device, course: Course, good: np.ndarray) -> None:
+    """Say whether R0 drifts or the supply sags: the latter moves level and height together."""
+    t = course.times[good]
+    u = (t - t.mean()) / max(float(np.ptp(t)), 1e-9)
+
+    def trend(values: np.ndarray) -> tuple[float, float]:
+        slope, middle = np.polyfit(u, values, 1)
+        return float(slope), float(middle)
+
+    drift, level = trend(course.level[good])
+    growth, height = trend(course.amplitude[good])
+    if abs(drift) < _DRIFT * level:
+        return
+    VIN, R1 = device.supply_voltage, device.divider_resistance
+    first, last = level - 0.5 * drift, level + 0.5 * drift
+    volts = [VIN * r / (R1 + r) for r in (first, last, first + height)]
+    sag = volts[1] / volts[0]
+    then = sag * volts[2]
+    expected = (R1 * then / (VIN - then) - last - height) if then < VIN else math.inf
+    if abs(growth) > 0.01 * height and abs(growth - expected) < _LIKE_SAG * abs(expected):
+        found.add(
+            "warning",
+            f"ratiometric reference missing: level and amplitude move together as if the supply had changed by {sag - 1.0:+.1%} "
+            "over the run (supply sag). Measure battery_voltage, or give the converter the supply as its reference.",
+            "flex_voltage",
+        )
+        return
+    found.add(
+        "warning",
+        f"R0 drifts by {drift / level:+.1%} over the run (temperature, self-heating): R0 drift removed; gain drift cannot be.",
+        "flex_voltage",
+    )
