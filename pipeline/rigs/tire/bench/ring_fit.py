@@ -187,8 +187,8 @@ def fit_ring(runs: Sequence[RingRun], known: Known, start: Unknowns | None = Non
 
     Notes
     -----
-    Weighted least squares within bounds of a decade either side of the start; R0, a drift within the turn, the angle and
-    the error of the mean load of each run are fitted along. Breglio 2019 gives no algorithm; tire.md, 5.8.
+    Weighted least squares within bounds of a decade either side of the start; R0, a drift within the turn, the angle, the
+    error of the mean load and a rotation that is not quite even within the turn are fitted along for each run. Breglio 2019 gives no algorithm; tire.md, 5.8.
     """
     used, left_out = _usable(runs)
     if not used:
@@ -263,10 +263,10 @@ def _searched(model: RingModel, first: Unknowns) -> tuple[np.ndarray, tuple[str,
 def _descended(model: RingModel, start: Unknowns) -> tuple[float, np.ndarray, tuple[str, ...], bool]:
     from scipy.optimize import least_squares
 
-    n = len(model.runs)
     x = np.zeros(model.size)
     x[: len(NAMES)] = start.coordinates()
-    x[len(NAMES) : len(NAMES) + n] = [float(run.theta[np.nanargmax(run.resistance)]) for run in model.runs]
+    for i, run in enumerate(model.runs):
+        x[model.own(i).start] = run.theta[np.nanargmax(run.resistance)]
     x[NAMES.index("sensor_gain")] += math.log(_gain(model, x))
     low, high = np.full(x.size, -np.inf), np.full(x.size, np.inf)
     for i, name in enumerate(NAMES):
@@ -367,11 +367,11 @@ def _influences(model: RingModel, x: np.ndarray, J: np.ndarray) -> list[tuple[st
 
     The fit follows a small change d of its residual by -(J'J)^-1 J'd.
     """
-    known, n = model.known, len(model.runs)
+    known = model.known
     rows = sum(w.size for w in model.weights) + len(model.heights)
     data = np.zeros((J.shape[0], 2))
     data[:rows, 0] = J[:rows, NAMES.index("belt_width")]
-    data[:rows, 1] = J[:rows, len(NAMES) + n : len(NAMES) + 2 * n].sum(axis=1)
+    data[:rows, 1] = J[:rows, [model.own(i).start + 1 for i in range(len(model.runs))]].sum(axis=1)
     here, step = model.residual(x), 1e-3
     radius = (model.changed(R=known.R * (1.0 + step)).residual(x) - here) / step
     outer = (model.changed(Ro=known.Ro * (1.0 + step)).residual(x) - here) / step
@@ -391,7 +391,7 @@ def _run_fit(
     covariance: np.ndarray,
 ) -> RunFit:
     run, w, g = model.runs[i], model.weights[i], model.member[i]
-    shared, n = len(NAMES), len(model.runs)
+    own = model.own(i).start
     wave = model.waveform(x, i)
     good = w > 0.0
     line = np.stack([np.ones(run.theta.size), run.theta], axis=1)
@@ -401,9 +401,9 @@ def _run_fit(
     # Gain of the load cell, pressure and outer radius change stiffnesses and loads so that Lc stays; the belt's radius
     # scales it.
     slope = slopes[g].copy()
-    slope[shared + n + i] = -slope[[NAMES.index(name) for name in SCALED]].sum()
+    slope[own + 1] = -slope[[NAMES.index(name) for name in SCALED]].sum()
     variance = float(slope @ covariance @ slope) + (model.known.R_u * contact.length) ** 2
-    angle = float(x[shared + i])
+    angle = float(x[own])
     return RunFit(
         run=run.run,
         nominal_load=run.nominal_load,
@@ -412,7 +412,7 @@ def _run_fit(
         angle=angle,
         resistance=float(offset[0]),
         resistance_se=float(1.0 / np.sqrt((w**2).sum())),
-        load=run.load * math.exp(float(x[shared + n + i])),
+        load=run.load * math.exp(float(x[own + 1])),
         model=wave + line @ offset,
         residual=run.resistance - wave - line @ offset,
         chi2_reduced=float(residual @ residual) / max(int(np.count_nonzero(good)) - 4, 1),

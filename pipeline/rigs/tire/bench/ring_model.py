@@ -36,6 +36,12 @@ _STEP = {name: 1e-3 if name in SCALED else 2e-2 for name in _CONTACT}
 _SAME_LOAD = 3e-3
 _LOAD_STEP = 2e-3
 _LENGTH_STEP = 3e-2
+# Coordinates that each run has for itself.
+_OWN = 4
+# Rotation within a turn, unseen between two passages, is even to this share at 10 km/h; a disturbing torque moves a slow
+# drum more, as one over the speed squared.
+UNEVEN = 1e-4
+_USUAL_ROTATION = 8.76
 # Half the nominal diameter is not the free radius of this very tire, nor is the height's zero exact.
 _HEIGHT_OFFSET = 1e-3
 
@@ -90,9 +96,9 @@ class Loaded:
 class RingModel:
     """Weighted residuals of all runs and their derivatives.
 
-    Coordinates: 9 shared ones, then the angle of each run (rad), then each run's ln of true over measured load, then,
-    where hub heights are known, their common offset (m). R0 and a drift within the turn are solved for and projected
-    out.
+    Coordinates: 9 shared ones; then for each run the angle (rad), ln of true over measured load, and two shares of a
+    rotation that is not even within the turn (`own`); then, where hub heights are known, their common offset (m). R0 and
+    a drift within the turn are solved for and projected out.
     """
 
     def __init__(self, runs: list[RingRun], known: Known) -> None:
@@ -102,21 +108,27 @@ class RingModel:
         self.nuisance = [_nuisance(run, w) for run, w in zip(runs, self.weights, strict=True)]
         self.groups, self.member = _groups(runs)
         self.heights = [i for i, run in enumerate(runs) if run.hub_height is not None]
-        self.size = len(NAMES) + 2 * len(runs) + bool(self.heights)
+        self.size = len(NAMES) + _OWN * len(runs) + bool(self.heights)
         self.priors = self._priors()
         self.solves = 0
         self._active: dict[int, np.ndarray] = {}
         self._loaded: tuple[bytes, list[Loaded]] = (b"", [])
         self._derivatives: tuple[bytes, tuple[np.ndarray, np.ndarray]] = (b"", (np.zeros(0), np.zeros(0)))
 
+    def own(self, i: int) -> slice:
+        """Return where the coordinates of run i stand: angle, ln load, uneven rotation as a sine and as a cosine."""
+        return slice(len(NAMES) + i * _OWN, len(NAMES) + (i + 1) * _OWN)
+
     def _priors(self) -> list[tuple[int, float, float]]:
         """Return coordinate, value and standard deviation of what is known beforehand."""
-        known, n = self.known, len(self.runs)
+        known = self.known
         found = [(NAMES.index("sensor_length"), math.log(known.sensor_length), known.sensor_length_u)]
         if known.belt_width is not None and known.belt_width_u is not None:
             found.append((NAMES.index("belt_width"), math.log(known.belt_width), known.belt_width_u))
         for i, run in enumerate(self.runs):
-            found.append((len(NAMES) + n + i, 0.0, max(run.load_se / run.load, 1e-6)))
+            at, uneven = self.own(i).start, UNEVEN * (_USUAL_ROTATION / run.rotation) ** 2
+            found.append((at + 1, 0.0, max(run.load_se / run.load, 1e-6)))
+            found += [(at + 2, 0.0, uneven), (at + 3, 0.0, uneven)]
         if self.heights:
             found.append((self.size - 1, 0.0, _HEIGHT_OFFSET))
         return found
@@ -206,14 +218,13 @@ class RingModel:
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         """Return the derivatives of `residual`, shape (rows, coordinates)."""
-        n, shared = len(self.runs), len(NAMES)
+        shared = len(NAMES)
         blocks = []
         for i, w in enumerate(self.weights):
             columns = _without(self.nuisance[i], (self._run(x, i, True)[1:] * w).T)
             block = np.zeros((w.size, self.size))
             block[:, :shared] = columns[:, :shared]
-            block[:, shared + i] = columns[:, shared]
-            block[:, shared + n + i] = columns[:, shared + 1]
+            block[:, self.own(i)] = columns[:, shared:]
             blocks.append(block)
         rows = np.zeros((len(self.priors), self.size))
         for row, (at, _, sd) in zip(rows, self.priors, strict=True):
@@ -237,29 +248,32 @@ class RingModel:
             g = self.member[i]
             for name, slope in zip(_CONTACT, self._slopes(x)[1][g], strict=True):
                 row[NAMES.index(name)] = slope
-            row[len(NAMES) + len(self.runs) + i] = -self._slopes(x)[1][g, : len(SCALED)].sum()
+            row[self.own(i).start + 1] = -self._slopes(x)[1][g, : len(SCALED)].sum()
             row[-1] = 1.0
             row /= _height_se(self.runs[i])
         return rows
 
     def _off(self, x: np.ndarray, i: int) -> float:
         """Return ln of the true load of run i over that of its group."""
-        return math.log(self.runs[i].load / self.groups[self.member[i]][1]) + float(x[len(NAMES) + len(self.runs) + i])
+        return math.log(self.runs[i].load / self.groups[self.member[i]][1]) + float(x[self.own(i)][1])
 
     def _run(self, x: np.ndarray, i: int, derivatives: bool) -> np.ndarray:
-        """Return the waveform of run i, then (if asked) its derivatives by the shared ones, angle and ln load."""
+        """Return the waveform of run i, then (if asked) its derivatives by the shared ones and its own."""
         run, n, shared = self.runs[i], self.orders, len(NAMES)
         values, here = unknowns_at(x[:shared]), self.loaded(x)[self.member[i]]
         k = here.k + self._off(x, i) * here.k_by_load
-        turn = run.theta[0] + np.pi - float(x[shared + i])  # the grid of the transform begins at -pi
+        angle, _, sine, cosine = x[self.own(i)]
+        turn = run.theta[0] + np.pi - angle  # the grid of the transform begins at -pi
         lag = lagging(n, run.rotation, values.sensor_lag)
         mean = averaging(n, values.sensor_length, self.known.R)
-        rest = values.sensor_gain * lag * np.sinc(n / run.theta.size) * np.exp(1j * n * turn)
+        rest = values.sensor_gain * lag * np.exp(1j * n * turn)
         h = k * rest * mean
+        wave, ahead = _on_grid(np.stack([h, 1j * n * h]), run.theta.size)
+        uneven = np.stack([np.sin(run.theta), 1.0 - np.cos(run.theta)]) * ahead
+        wave = wave + sine * uneven[0] + cosine * uneven[1]
         if not derivatives:
-            return _on_grid(h[None, :], run.theta.size)
+            return np.asarray(wave[None, :])
         rows = np.zeros((shared + 3, n.size), dtype=complex)
-        rows[0] = h
         for name, slope in zip(_CONTACT, self._slopes(x)[0][self.member[i]], strict=True):
             rows[1 + NAMES.index(name)] = slope * rest * mean
         rows[1 + NAMES.index("sensor_gain")] = h
@@ -269,7 +283,7 @@ class RingModel:
         rows[shared + 1] = -1j * n * h
         # All loads and stiffnesses times one factor leave the shape as it is.
         rows[shared + 2] = -rows[[1 + NAMES.index(name) for name in SCALED]].sum(axis=0)
-        return _on_grid(rows, run.theta.size)
+        return np.concatenate([wave[None, :], _on_grid(rows[1:], run.theta.size), uneven])
 
     def changed(self, **known: float) -> RingModel:
         """Return the same model with other values of what is known (`Known`)."""

@@ -20,7 +20,8 @@ class RingRun:
         Name.
     theta, resistance, std_error
         A whole turn of even angles (rad, the peak near 0), the averaged R2 there (ohm) and its standard error; NaN
-        where nothing was received; shape (n,) each.
+        where nothing was received; shape (n,) each. Values at the angles themselves, not means over bins of angle: the mean
+        over a bin of 2 pi/1024 lowers the peak by 4e-4, which reads as 0.5 % of the tread stiffness.
     load, load_se
         Mean of the load cell (N) and the standard error of that mean, without the error of its gain.
     rotation
