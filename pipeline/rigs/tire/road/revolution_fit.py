@@ -63,8 +63,8 @@ class Forces:
         Angle (rad) of the contact's centre after the passage's time.
     resistance, resistance_se
         R0, ohm.
-    film_amplitude
-        Film over what load and force of the flex sensor predict for it; NaN without film.
+    gain_ratio
+        Gain of the flex sensor over the film's, 1 as on the bench: falls as the flex sensor comes loose; NaN without film.
     misfit
         Sum of squares over its degrees of freedom, 1 where only the drive's noise is left.
     share
@@ -87,7 +87,7 @@ class Forces:
     shift: np.ndarray
     resistance: np.ndarray
     resistance_se: np.ndarray
-    film_amplitude: np.ndarray
+    gain_ratio: np.ndarray
     misfit: np.ndarray
     share: np.ndarray
     fits: np.ndarray
@@ -247,7 +247,7 @@ class RevolutionFit:
             shift=seen(state.shift),
             resistance=seen(state.resistance),
             resistance_se=seen(sd[:, 3]),
-            film_amplitude=seen(_film_amplitude(data, state, self.known)),
+            gain_ratio=seen(_gain_ratio(data, state, self.known)),
             misfit=seen(misfit),
             share=1.0 - data.missing.mean(axis=1),
             fits=reason == 0,
@@ -261,6 +261,7 @@ _FARTHEST = 0.6
 # Error of bins and library, relative: what bench runs without road noise show.
 _INTERPOLATION = 4e-4
 _UNKNOWNS = 8
+_LOAD_NODES, _SPEED_NODES = 60, 9
 # Load and force always may bend a little, N/s.
 _LEAST_BEND = 1.0
 # The angle between two passages is never better known, relative.
@@ -581,8 +582,12 @@ def _running_median(values: np.ndarray, width: int) -> np.ndarray:
     return found
 
 
-def _film_amplitude(data: _Passages, state: _State, known: WaveformLibrary) -> np.ndarray:
-    """Return the film's waveform over what Fz and Fx predict for it, least squares with a free level, shape (m,)."""
+def _gain_ratio(data: _Passages, state: _State, known: WaveformLibrary) -> np.ndarray:
+    """Return the flex sensor's gain by the film's load, shape (m,).
+
+    The film's waveform over the one that Fz and Fx of the flex sensor predict for it tells the film's own load; the gain
+    is what the flex sensor shows over what it ought to show there.
+    """
     if data.film is None:
         return np.full(data.time.size, np.nan)
     fine = data.weight.shape[2] * ANGLES
@@ -592,4 +597,21 @@ def _film_amplitude(data: _Passages, state: _State, known: WaveformLibrary) -> n
     n = np.maximum(seen.sum(axis=1, keepdims=True), 1.0)
     expected = seen * (expected - (seen * expected).sum(axis=1, keepdims=True) / n)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray((expected * data.film).sum(axis=1) / (expected**2).sum(axis=1))
+        amplitude = (expected * data.film).sum(axis=1) / (expected**2).sum(axis=1)
+    ratio = np.full(data.time.size, np.nan)
+    told = data.usable & np.isfinite(amplitude) & (amplitude > 0.0)
+    if not told.any():
+        return ratio
+    loads = np.geomspace(_LEAST_LOAD, known.top, _LOAD_NODES)
+    speeds = np.geomspace(data.speed[told].min(), data.speed[told].max() * (1.0 + 1e-9), _SPEED_NODES)
+    nearest = np.argmin(np.abs(np.log(data.speed[:, None] / speeds)), axis=1)
+    for i, speed in enumerate(speeds):
+        rows = np.flatnonzero(told & (nearest == i))
+        turned = np.full(loads.size, speed)
+        flex = known.harmonics(loads, np.zeros(loads.size), turned)[0][:, 1:]
+        film = np.log(np.linalg.norm(flex * known.film_factor(turned)[:, 1:], axis=1))
+        flex_size, x = np.log(np.linalg.norm(flex, axis=1)), np.log(loads)
+        by_flex = np.log(state.load[rows])
+        by_film = np.interp(np.interp(by_flex, x, film) + np.log(amplitude[rows]), np.maximum.accumulate(film), x)
+        ratio[rows] = np.exp(np.interp(by_flex, x, flex_size) - np.interp(by_film, x, flex_size))
+    return ratio
