@@ -133,7 +133,7 @@ def _models(found: Campaign) -> list[ModelResult]:
         rms = float(np.sqrt(np.mean(residual**2)))
         rows.append(
             ModelResult(
-                name="quadratic" if curve.degree == 2 else "straight line", family="peak over load", n_parameters=curve.degree + 1,
+                name="quadratic" if curve.degree == 2 else "straight line", family="peak over load", selected=True, n_parameters=curve.degree + 1,
                 n_data=int(residual.size), rms_residual=rms, unit="ohm", nrmse=rms / float(np.std(peaks)), description="peak of averaged R2 over load",
             )
         )  # fmt: skip

@@ -70,7 +70,7 @@ def _energy() -> list[Published]:
         ),
         _row(
             "stand-by, as a mean current", f"{STANDBY * 1e6:.2f} uAh", f"{standby / _YEAR:.0f} years", "1", "section 2.1", None,
-            f"{STANDBY * 1e6:.2f} uAh read as {STANDBY * 1e6:.2f} uA empties the battery in {standby / 3600.0:.3g} h ; "
+            f"{STANDBY * 1e6:.2f} uAh read as {STANDBY * 1e6:.2f} uA empties the battery in {standby / 3.6e9:.2f} million hours; "
             f"the radio alone, powered down, draws {_POWER_DOWN * 1e6:.1f} uA by its data sheet. Self-discharge sets the shelf life",
         ),
         _row(

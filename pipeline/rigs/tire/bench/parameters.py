@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,12 @@ _SPECS = {spec.name: spec for spec in PARAMETERS}
 _LENGTHS = {"deformation_length": "deformation", "slope_length": "slope", "zero_length": "zero"}
 _MARKS = {"peak_resistance": "peak", "dip_leading": "dip_leading", "dip_trailing": "dip_trailing"}
 _CALIBRATION = ("load_sensitivity", "calibration_0", "calibration_1", "calibration_2")
+_SOURCES = {
+    "pressure": "inflation pressure",
+    "load_gain": "load cell",
+    "belt_radius": "belt radius",
+    "outer_radius": "free radius",
+}
 FILM = ("pvdf_gain", "pvdf_time_constant", "pvdf_offset_angle")
 
 
@@ -58,7 +65,8 @@ def _radius(found: Campaign) -> Estimate:
         return undetermined("rolling_radius", found.no_line)
     if found.line.suspicion:
         return undetermined("rolling_radius", found.line.suspicion)
-    return found.line.radius
+    told = "clocks of both logs in the error (25 ppm), the gain of road_speed taken as exact"
+    return replace(found.line.radius, reason=told)
 
 
 def _ring_method(found: Campaign) -> str:
@@ -75,7 +83,17 @@ def _ring(found: Campaign) -> list[Estimate]:
             "belt_width",
             "no run states its inflation pressure, and the waveforms only tell p0 b; state inflation_pressure",
         )
-    return list(by.values())
+    words = "interval of type A and B"
+    shared = [
+        f"{_SOURCES.get(i.source, i.source)} {100 * i.relative:.2g} %"
+        for i in found.ring.influences
+        if i.relative > 0.0
+    ]
+    if shared:
+        words += f": {', '.join(shared)}"
+    return [
+        replace(e, reason="; ".join(filter(None, (e.reason, words)))) if e.value is not None else e for e in by.values()
+    ]
 
 
 def _contact(found: Campaign) -> list[Estimate]:
@@ -151,7 +169,9 @@ def _of_runs(found: Campaign) -> list[Estimate]:
 def _calibration(found: Campaign) -> list[Estimate]:
     if found.calibration is None:
         return [undetermined(name, "no run has a load and a peak that can be used") for name in _CALIBRATION]
-    return [found.calibration.estimates[name] for name in _CALIBRATION]
+    words = f"interval of type A and B: load cell {100 * found.tire.load_gain_u:.2g} %"
+    own = [found.calibration.estimates[name] for name in _CALIBRATION]
+    return [replace(e, reason=words) if e.value is not None and e.name != "calibration_0" else e for e in own]
 
 
 def _film(found: Campaign) -> list[Estimate]:

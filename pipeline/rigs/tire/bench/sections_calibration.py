@@ -49,7 +49,7 @@ def of_calibration(findings: Findings) -> Blocks:
         middle = float(np.median(x))
         at_middle = float(np.interp(middle, x, curve["voltage"].to_numpy()))
         volts.append(Line(x, at_middle + SENSITIVITY * (x - middle), "reference", "70 mV per 50 kg", dashed=True))
-    for rows, role, label in ((used, "measured", "runs"), (unused, "fault", "left out")):
+    for rows, role, label in ((used, "measured", "runs"), (unused, "fault", "not in the calibration")):
         if rows.empty:
             continue
         load, peak, half = rows["load"].to_numpy(), rows["peak"].to_numpy(), 1.96 * rows["peak_sd"].to_numpy()
@@ -115,7 +115,7 @@ def _read_back(findings: Findings) -> Blocks:
     rows: list[list[Cell]] = [
         [
             str(row["run"]), float(row["load"]), Value(float(row["read_load"]), None, (float(row["read_low"]), float(row["read_high"]))),
-            float(row["read_load"] - row["load"]), "yes" if row["used"] else "no",
+            round(float(row["read_load"] - row["load"]), 1), "yes" if row["used"] else "no",
         ]
         for row in known.to_dict("records")
     ]  # fmt: skip

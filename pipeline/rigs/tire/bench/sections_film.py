@@ -20,7 +20,8 @@ def of_film(findings: Findings) -> Blocks:
         return []
     waves: list[Panel] = []
     spectra: list[Panel] = []
-    for run in shown_runs(findings):
+    told = _apart(findings)
+    for number, run in enumerate(shown_runs(findings)):
         own = of_run(table, run)
         own = own[own["angle"].abs() <= _REACH]
         if own.empty:
@@ -32,7 +33,7 @@ def of_film(findings: Findings) -> Blocks:
         ]
         waves.append(Panel(marks, ANGLE, Axis("PVDF less its mean", "V"), title_of(findings, run)))
         lines = of_run(orders, run)
-        if len(lines):
+        if len(lines) and number in told:
             n = lines["order"].to_numpy(dtype=float)
             spectra.append(
                 Panel(
@@ -43,7 +44,7 @@ def of_film(findings: Findings) -> Blocks:
     found: Blocks = [
         Figure(
             "film", "PVDF measured and predicted from flex",
-            "Do both sensors see one belt? The film's voltage over the angle, and what the flex sensor's waveform makes of it by the "
+            "Do both sensors see one belt? The film's voltage over the angle (the orders that can be compared only, hence the ripple), and what the flex sensor's waveform makes of it by the "
             "rate model: derivative at low orders, strain at high ones.",
             "film voltage over angle for each run, measured and predicted", waves, columns=2,
         )
@@ -52,12 +53,18 @@ def of_film(findings: Findings) -> Blocks:
         found.append(
             Figure(
                 "film_orders", "Order spectra of the PVDF",
-                "Where does the prediction hold? Amplitude of each order of the wheel; near the first null of the flex sensor (one wave on its "
+                "Where does the prediction hold? Amplitude of each order of the wheel in the runs of lowest and highest load and speed; near the first null of the flex sensor (one wave on its "
                 "length) nothing can be predicted.",
                 "amplitude over order, measured and predicted", spectra, columns=2,
             )
         )  # fmt: skip
     return [*found, *_table(findings)]
+
+
+def _apart(findings: Findings) -> set[int]:
+    """Return which of the shown runs have the lowest and highest load and speed: the spectra of the others lie between."""
+    table = findings.arrays["runs"].head(len(shown_runs(findings)))
+    return {int(found) for name in ("load", "speed") for found in (table[name].argmin(), table[name].argmax())}
 
 
 def _table(findings: Findings) -> Blocks:

@@ -16,12 +16,12 @@ def of_quality(findings: Findings) -> Blocks:
     rows: list[list[Cell]] = []
     for row in table.to_dict("records"):
         rows.append([
-            str(row["run"]), "yes" if row["used"] else "no", float(row["loss"]), float(row["longest_gap"]), int(row["revolutions"]), int(row["lost"]),
+            str(row["run"]), "yes" if row["used"] else "no", round(float(row["loss"]), 5), float(row["longest_gap"]), int(row["revolutions"]), int(row["lost"]),
             int(row["rejected"]), {1: "up", -1: "down"}.get(int(row["polarity"]), "unknown"), float(row["skewness"]),
-            float(row["first_harmonic"]), float(row["speed_scatter"]), float(row["drift"]),
+            round(float(row["first_harmonic"]), 5), round(float(row["speed_scatter"]), 5), round(float(row["drift"]), 5),
         ])  # fmt: skip
     both = [("temperature", "degC", "liner temperature"), ("pressure", "Pa", "inflation pressure")]
-    told = [(name, unit, words) for name, unit, words in both if table[name].notna().any()]
+    told = [(name, unit, words) for name, unit, words in both if table[name].nunique(dropna=False) > 1]
     columns = [
         Column("run"), Column("used"), Column("packets lost", "%"), Column("longest gap", "s"), Column("revolutions used"), Column("lost or repaired"),
         Column("rejected"), Column("peaks point"), Column("skewness"), Column("first harmonic", "%"), Column("speed scatter", "%"), Column("R0 drift", "%"),
@@ -29,7 +29,7 @@ def of_quality(findings: Findings) -> Blocks:
     found: Blocks = [
         Table(
             "passages", "Quality of the passages",
-            "First harmonic of R2 over the peak: a closed belt has none, above 2 % it is an artefact. Skewness of a flex sensor is 3 to 4. R0 drift: "
+            "First harmonic of R2 over the peak: a closed belt has none, above 2 % it is an artefact. Skewness of a flex sensor is 3 to 5. R0 drift: "
             "change of the revolution's mean over the run.",
             columns, rows,
         )

@@ -92,7 +92,7 @@ def _misfit(findings: Findings) -> Blocks:
     )  # fmt: skip
     return [
         Table(
-            "ring_runs", "The fit run by run", "",
+            "ring_runs", "The fit run by run", "What the joint fit leaves of each waveform, and the contact length that it gives the run.",
             [Column("run"), Column("load", "N"), Column("rotation", "rad/s"), Column("χ² reduced"), Column("rms residual", "ohm"),
              Column("of the peak", "%"), Column("Lc", "m")],
             rows,

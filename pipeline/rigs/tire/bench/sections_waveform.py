@@ -80,7 +80,7 @@ def of_waveforms(findings: Findings) -> Blocks:
         "waveforms",
         "Averaged waveforms",
         f"Does the ring explain what the sensor sees? {_answer(findings)} Mean over the revolutions with ±2 standard errors"
-        f"{', the joint ring fit, and what it leaves on its right' if fitted else ''}. The leading dip is on the left. Solid rules: edges of the "
+        f"{', the joint ring fit, and what it leaves on its right' if fitted else ''}. The leading dip is on the left. Dashed rules: edges of the "
         "contact by the fit; marks: dips and, on the flanks, the extreme slopes.",
         "resistance over angle for each run with the ring fit and the residual",
         panels,
@@ -229,9 +229,7 @@ def of_revolutions(findings: Findings) -> Blocks:
                         x,
                         np.where(near, bridge, np.nan),
                         "reference",
-                        "lost"
-                        if not any(m.label for m in marks if isinstance(m, Line) and m.role == "reference")
-                        else "",
+                        "lost",
                     )
                 )
             marks.append(Line(x, y, "measured"))
