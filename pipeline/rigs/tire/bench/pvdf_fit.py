@@ -28,11 +28,15 @@ _LEAST_ANGLE = 0.02
 _SAME_SPEED = 1.1
 _GOOD, _BAD = 0.02, 0.1
 _POOR = 4.0
+_QUIET = 0.03
 
 
 @dataclass(frozen=True, eq=False)
 class FilmRun:
-    """Averaged waveforms of one run on the same even angles: R2 (ohm) and film (V) with standard errors, shape (n,)."""
+    """Averaged waveforms of one run on the same even angles: R2 (ohm) and film (V) with standard errors, shape (n,).
+
+    Errors of noise alone: `ring_run.incoherent_error` and `quiet_error`.
+    """
 
     run: str
     rotation: float
@@ -263,6 +267,17 @@ def _back(n: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:
     spectrum = np.zeros(size // 2 + 1, dtype=complex)
     spectrum[n] = values
     return np.asarray(np.fft.fftshift(np.fft.irfft(spectrum, size) * size))
+
+
+def quiet_error(film: np.ndarray, film_se: np.ndarray) -> np.ndarray:
+    """Return the standard error of the film's noise alone, the same at all angles, V, shape (n,).
+
+    Taken where the film is at rest: in a passage the load's waves are in it, which film and flex sensor share.
+    """
+    rest = np.median(film)
+    quiet = np.abs(film - rest) < _QUIET * np.ptp(film)
+    few = np.count_nonzero(quiet) < film.size // 8
+    return film_se if few else np.full(film.size, float(np.sqrt(np.mean(film_se[quiet] ** 2))))
 
 
 def _distinct(rotation: Sequence[float]) -> int:

@@ -8,6 +8,9 @@ import numpy as np
 
 # A standard error estimated from a few revolutions scatters from bin to bin; its mean over neighbours weighs better.
 _NEIGHBOURS = 15
+_FEWEST_GROUPS = 6
+# Orders that the modes below are made of.
+_SMOOTH = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +22,8 @@ class RingRun:
     run
         Name.
     theta, resistance, std_error
-        A whole turn of even angles (rad, the peak near 0), the averaged R2 there (ohm) and its standard error; NaN
+        A whole turn of even angles (rad, the peak near 0), the averaged R2 there (ohm) and its standard error
+        (`incoherent_error` is better than the plain one); NaN
         where nothing was received; shape (n,) each. Values at the angles themselves, not means over bins of angle: the mean
         over a bin of 2 pi/1024 lowers the peak by 4e-4, which reads as 0.5 % of the tread stiffness.
     load, load_se
@@ -79,6 +83,37 @@ class Known:
     pressure_u: float = 0.01
     load_gain_u: float = 0.005
     outer_radius_u: float = 0.0
+
+
+def incoherent_error(theta: np.ndarray, mean: np.ndarray, groups: np.ndarray) -> np.ndarray | None:
+    """Return the standard error of an average from noise alone, without what makes whole passages higher or shifts them.
+
+    Load and rotation that vary from turn to turn move all angles together. The fit knows them as the error of the load
+    and of the angle; taken as noise of each angle for itself they would hide what the peak tells.
+
+    Parameters
+    ----------
+    theta, mean
+        Angles (rad) and averaged R2 (ohm), shape (n,).
+    groups
+        Averages that each leave one group of revolutions out, shape (G, n).
+
+    Returns
+    -------
+    Shape (n,), or None where the groups are too few or have gaps.
+    """
+    if groups.shape[0] < _FEWEST_GROUPS or not (np.all(np.isfinite(groups)) and np.all(np.isfinite(mean))):
+        return None
+    spectrum = np.fft.rfft(mean)
+    orders = 1j * np.arange(spectrum.size)
+    spectrum[_SMOOTH + 1 :] = 0.0
+    w, slope, bend = np.fft.irfft([spectrum, orders * spectrum, orders**2 * spectrum], mean.size)
+    modes = np.stack([np.ones(theta.size), theta, w - w.mean(), slope, theta * slope, theta**2 * slope, bend], axis=1)
+    basis = np.linalg.qr(modes)[0]
+    off = (groups - groups.mean(axis=0)).T
+    off = off - basis @ (basis.T @ off)
+    count = groups.shape[0]
+    return np.asarray(np.sqrt((count - 1) / count * (off**2).sum(axis=1)))
 
 
 def weights(run: RingRun) -> np.ndarray:
