@@ -118,7 +118,7 @@ class WaveformLibrary:
             Fz and Fx (N) and rotation (rad/s) of each revolution, shape (m,). Loads are held within the library.
         """
         Fz = np.clip(load, 0.0, self.top)
-        lag = lagging(self.orders, speed[:, None], self.tire.sensor.lag)
+        lag = lagging(np.outer(speed, self.orders), 1.0, self.tire.sensor.lag)
         pushed = self._pushed(Fz)
         still = self._still(Fz) + force[:, None] * pushed
         slope = self._slope(Fz) + force[:, None] * self._slope_pushed(Fz)
@@ -137,9 +137,8 @@ class WaveformLibrary:
         with np.errstate(divide="ignore", invalid="ignore"):
             lengths = np.where(np.abs(seen) > 0.1, averaging(n, film.length, R) / seen, 0.0)
         turned = film.gain * lengths * np.exp(1j * n * film.offset_angle)
-        return np.asarray(
-            turned * high_pass(n, speed[:, None], film.time_constant) / lagging(n, speed[:, None], sensor.lag)
-        )
+        rate = np.outer(speed, n)
+        return np.asarray(turned * high_pass(rate, 1.0, film.time_constant) / lagging(rate, 1.0, sensor.lag))
 
 
 def library(tire: CalibratedTire, most: float | None = None) -> WaveformLibrary:

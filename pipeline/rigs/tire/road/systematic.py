@@ -72,7 +72,7 @@ class Systematic:
 
     def _sd(self, load: np.ndarray, force: np.ndarray, speed: np.ndarray, which: int) -> np.ndarray:
         slopes = self._slopes(load, force, speed)[:, which]
-        return np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", slopes, self.covariance, slopes), 0.0))
+        return np.asarray(np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", slopes, self.covariance, slopes), 0.0)))
 
     def _slopes(self, load: np.ndarray, force: np.ndarray, speed: np.ndarray) -> np.ndarray:
         """Return the slopes at each revolution, interpolated, shape (m, 2, p)."""

@@ -18,7 +18,7 @@ def borne_out(steps: np.ndarray, measured: np.ndarray, i: int, f: float, slope: 
     for k in range(i + 1, measured.size):
         ahead += steps[k]
         if measured[k] == measured[k]:
-            return (measured[k] - f - ahead * slope) / y > 0.5
+            return bool((measured[k] - f - ahead * slope) / y > 0.5)
     return False
 
 

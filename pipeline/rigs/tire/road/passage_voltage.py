@@ -1,0 +1,110 @@
+"""Revolutions in the divider's voltage on 256 angles: what the fit of load and force works on.
+
+In volts the noise is additive, and bins that hold no samples are told apart from those that do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Protocol
+
+import numpy as np
+
+from pipeline.rigs.tire.ring.sensor import divider_voltage
+from pipeline.rigs.tire.road.library import WaveformLibrary
+
+ANGLES = 256
+# Share of the angles that a revolution needs, and of the usual samples that an angle needs.
+LEAST_SHARE = 0.6
+_LEAST_FILLING = 0.4
+
+
+class PassageBlock(Protocol):
+    """What is used of some revolutions (`passages.revolutions.Revolutions`)."""
+
+    times: np.ndarray
+    time_se: np.ndarray
+    speed: np.ndarray
+    speed_se: np.ndarray
+    resistance: np.ndarray
+    film: np.ndarray | None
+    count: np.ndarray
+    whole: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Passages:
+    """Revolutions on `ANGLES` angles, in V; `fine` and `weight` are those of the bins they are merged from."""
+
+    time: np.ndarray
+    time_se: np.ndarray
+    speed: np.ndarray
+    speed_se: np.ndarray
+    voltage: np.ndarray
+    weight: np.ndarray
+    missing: np.ndarray
+    film: np.ndarray | None
+    usable: np.ndarray
+    noise_guess: float
+
+    def part(self, rows: np.ndarray) -> Passages:
+        """Return some of the revolutions."""
+        found = {f.name: getattr(self, f.name) for f in fields(self)}
+        return Passages(**{name: v[rows] if isinstance(v, np.ndarray) else v for name, v in found.items()})
+
+
+def passages_of(block: PassageBlock, known: WaveformLibrary) -> Passages:
+    """Return revolutions in volts on `ANGLES` angles, means by the samples of the bins they are merged from."""
+    sensor = known.tire.sensor
+    count = np.asarray(block.count, dtype=float)
+    rows, bins = count.shape
+    seen = np.isfinite(block.resistance) & (count > 0.0)
+    weight = np.where(seen, count, 0.0).reshape(rows, ANGLES, bins // ANGLES)
+    R2 = np.where(seen, block.resistance, 0.0)
+    V = divider_voltage(R2, sensor.VIN, sensor.R1).reshape(weight.shape)
+    total = weight.sum(axis=2)
+    usual = np.median(total, axis=1, keepdims=True)
+    missing = total < np.maximum(_LEAST_FILLING * usual, 1e-9)
+    weight = weight / np.where(total > 0.0, total, 1.0)[:, :, None]
+    voltage = (V * weight).sum(axis=2)
+    film = None
+    if block.film is not None and known.tire.film is not None:
+        found = np.where(np.isfinite(block.film), block.film, 0.0).reshape(weight.shape)
+        film = (found * weight).sum(axis=2)
+    usable = block.whole & (missing.mean(axis=1) < 1.0 - LEAST_SHARE) & np.isfinite(block.speed) & (block.speed > 0.0)
+    speed = np.where(usable, block.speed, 1.0)
+    between = np.diff(voltage[usable], axis=1)
+    guess = max(1e-9, float(np.median(np.abs(between))) / 0.954) if between.size else 1.0
+    return Passages(block.times, block.time_se, speed, block.speed_se, voltage, weight, missing, film, usable, guess)
+
+
+def together(parts: list[Passages]) -> Passages:
+    """Return the revolutions of several blocks in one."""
+
+    def stacked(name: str) -> np.ndarray:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    names = ("time", "time_se", "speed", "speed_se", "voltage", "weight", "missing", "usable")
+    film = None if any(part.film is None for part in parts) else stacked("film")
+    guess = float(np.median([part.noise_guess for part in parts]))
+    return Passages(**{name: stacked(name) for name in names}, film=film, noise_guess=guess)
+
+
+def angles() -> np.ndarray:
+    """Return the centres of the merged bins, rad, shape (ANGLES,); bin i of N stands at -pi + 2 pi i/N."""
+    step = 2.0 * np.pi / ANGLES
+    return np.asarray(-np.pi + step * np.arange(ANGLES) + 0.5 * step)
+
+
+def on_bins(harmonics: np.ndarray, bins: int, offset: float) -> np.ndarray:
+    """Return a one-sided series on `bins` angles from -pi + offset, shape (m, bins), as means over one bin each."""
+    n = np.arange(harmonics.shape[1])
+    turned = harmonics * (np.exp(1j * n * (offset - np.pi)) * np.sinc(n / bins))
+    if harmonics.shape[1] > bins // 2:
+        turned = turned[:, : bins // 2]
+    return np.asarray(np.fft.irfft(turned, bins, axis=1) * bins)
+
+
+def to_variance(speed: np.ndarray) -> np.ndarray:
+    """Return what turns a one-sided density (V^2/Hz) into the variance of one of `ANGLES` samples of a turn, (m, 1)."""
+    return np.asarray(ANGLES * speed[:, None] / (4.0 * np.pi))
