@@ -2,5 +2,6 @@
 
 from pipeline.rigs.experiment import Experiment
 from pipeline.rigs.tire.bench.declaration import BENCH
+from pipeline.rigs.tire.road.declaration import ROAD
 
-EXPERIMENTS: tuple[Experiment, ...] = (BENCH,)
+EXPERIMENTS: tuple[Experiment, ...] = (BENCH, ROAD)

@@ -22,6 +22,8 @@ REVOLUTIONS = (
     "longitudinal_force_filtered", "longitudinal_force_filtered_se",
 )  # fmt: skip
 
+# A track predicted through lost passages until its error is so many times the usual one says nothing.
+_BLIND = 5.0
 # What is lost is told by so many stretches of the drive.
 _STRETCHES = 240
 
@@ -35,6 +37,14 @@ def arrays_of(runs: Sequence[RunNumbers]) -> dict[str, pd.DataFrame]:
         "asymmetry_model": _stacked([_asymmetry_model(run) for run in runs]),
         "gaps": _stacked([_gaps(run) for run in runs]),
         "noise": _stacked([_noise(run) for run in runs]),
+        "common_errors": _table(
+            ("run", "source", "load", "force"),
+            [
+                {"run": run.run, "source": source, "load": load, "force": force}
+                for run in runs
+                for source, (load, force) in run.common.sources.items()
+            ],
+        ),
         "events": _table(
             ("run", "event", "kind", "time", "time_se", "first", "last", "change", "revolutions", "cut"),
             [row for run in runs for row in _events(run)],
@@ -65,9 +75,12 @@ def _stacked(parts: Sequence[dict[str, Any]]) -> pd.DataFrame:
 
 
 def filtered(track: Track | None, m: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return value and standard error of a track, NaN where there is none, shape (m,) each."""
+    """Return value and standard error of a track, NaN where there is none or it says nothing any more, shape (m,) each."""
     nothing = np.full(m, math.nan)
-    return (nothing, nothing) if track is None else (track.value, track.se)
+    if track is None:
+        return nothing, nothing
+    tells = track.se < _BLIND * np.nanmedian(track.se)
+    return np.where(tells, track.value, math.nan), np.where(tells, track.se, math.nan)
 
 
 def _revolutions(run: RunNumbers) -> dict[str, Any]:
@@ -80,10 +93,10 @@ def _revolutions(run: RunNumbers) -> dict[str, Any]:
     forward = forces.fits & (not run.reversed)
     columns = (
         np.full(m, run.run), np.arange(m), forces.time, run.speed, np.hypot(run.speed_se, run.speed_sd),
-        _where(forces.fits, forces.load), _where(forces.fits, np.hypot(forces.load_se, run.load_sd)),
-        _where(forward, forces.force), _where(forward, np.hypot(forces.force_se, run.force_sd)),
-        Re * rotation, np.hypot(Re * rotation_se, run.speed_sd), load, np.hypot(load_se, _filled(run.load_sd)),
-        force, np.hypot(force_se, _filled(run.force_sd)),
+        _where(forces.fits, forces.load), _where(forces.fits, np.hypot(forces.load_se, run.common.load_sd)),
+        _where(forward, forces.force), _where(forward, np.hypot(forces.force_se, run.common.force_sd)),
+        Re * rotation, np.hypot(Re * rotation_se, run.speed_sd), load, np.hypot(load_se, _filled(run.common.load_sd)),
+        force, np.hypot(force_se, _filled(run.common.force_sd)),
     )  # fmt: skip
     return dict(zip(REVOLUTIONS, columns, strict=True))
 
@@ -116,8 +129,8 @@ def _evidence(run: RunNumbers) -> dict[str, Any]:
 
     return {
         "run": np.full(m, run.run), "revolution": np.arange(m), "time": forces.time, "rotation": forces.speed,
-        "load_random": forces.load_se, "load_common": run.load_sd, "force_random": forces.force_se,
-        "force_common": run.force_sd, "misfit": forces.misfit, "share": forces.share, "fits": forces.fits,
+        "load_random": forces.load_se, "load_common": run.common.load_sd, "force_random": forces.force_se,
+        "force_common": run.common.force_sd, "misfit": forces.misfit, "share": forces.share, "fits": forces.fits,
         "extrapolated": forces.extrapolated, "resistance": forces.resistance, "film_ratio": _ratio(run),
         "nis_load": nis("load"), "nis_force": nis("force"), "nis_rotation": nis("rotation"),
         "gated": gated("load") | gated("force"), "reference_load": reference("load"), "reference_force": reference("force"),
@@ -126,12 +139,10 @@ def _evidence(run: RunNumbers) -> dict[str, Any]:
 
 
 def _ratio(run: RunNumbers) -> np.ndarray:
-    """Return the flex sensor's answer over the film's, 1 at the middle of the drive."""
-    if run.bonding is None or run.bonding.ratio.size != len(run.forces):
+    """Return the flex sensor's answer over the film's, 1 at the beginning of the drive."""
+    if run.bonding is None or not run.bonding.mean > 0.0:
         return np.full(len(run.forces), math.nan)
-    ratio = np.asarray(run.bonding.ratio, dtype=float)
-    known = ratio[np.isfinite(ratio)]
-    return ratio / float(np.median(known)) if known.size else ratio
+    return run.ratio / run.bonding.mean
 
 
 def _asymmetry(run: RunNumbers) -> dict[str, Any]:
@@ -205,7 +216,7 @@ def _drive(run: RunNumbers) -> dict[str, Any]:
         "bench": tire.bench.campaign if tire is not None else "", "least_bench_load": least, "most_bench_load": most,
         "pressure": tire.pressure_ratio * (tire.bench.pressure or math.nan) if tire is not None else math.nan,
         "bench_pressure": tire.bench.pressure if tire is not None else math.nan,
-        "load_sd": middle(run.load_sd[forces.fits]), "force_sd": middle(run.force_sd[forces.fits]),
+        "load_sd": middle(run.common.load_sd[forces.fits]), "force_sd": middle(run.common.force_sd[forces.fits]),
         "extrapolated": float(forces.extrapolated[forces.fits].mean()) if load.size else math.nan,
         "lowest_load": float(np.percentile(load, 0.5)) if load.size else math.nan,
         "highest_load": float(np.percentile(load, 99.5)) if load.size else math.nan,

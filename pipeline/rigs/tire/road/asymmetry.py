@@ -104,7 +104,7 @@ def _bridged(theta: np.ndarray, row: np.ndarray) -> np.ndarray:
     known = np.isfinite(row)
     if known.all():
         return row
-    return np.interp(theta, theta[known], row[known], period=2.0 * math.pi)
+    return np.asarray(np.interp(theta, theta[known], row[known], period=2.0 * math.pi))
 
 
 def _of_harmonics(harmonics: np.ndarray) -> list[tuple[float, float]]:

@@ -18,6 +18,12 @@ _NAMES = {
     "tread_stiffness": "kt", "loss_factor": "eta", "sensor_gain": "c", "sensor_lag": "lag", LENGTH: "length",
     RADIUS: "R",
 }  # fmt: skip
+# The source of uncertainty that is the rolling radius itself.
+_BELT = "belt_radius"
+_WORDS = {
+    "load_gain": "load cell of the bench", "pressure": "pressure on the bench", _BELT: "rolling radius",
+    "sensor_length": "length of the sensor", "outer_radius": "free radius of the tire",
+}  # fmt: skip
 
 
 def calibrated(tire: RoadTire) -> CalibratedTire:
@@ -38,18 +44,23 @@ def calibrated(tire: RoadTire) -> CalibratedTire:
 
 def covariance(tire: RoadTire) -> np.ndarray:
     """Return the covariance of the logarithms of `UNKNOWNS`, shape (k, k)."""
+    return np.asarray(sum(parts(tire).values()))
+
+
+def parts(tire: RoadTire) -> dict[str, np.ndarray]:
+    """Return the same covariance by what it comes from, shape (k, k) each."""
     bench, k = tire.bench, len(UNKNOWNS)
-    place = {name: UNKNOWNS.index(_NAMES[name]) for name in bench.names}
-    rows = [place[name] for name in bench.names]
-    total = np.zeros((k, k))
-    total[np.ix_(rows, rows)] = bench.covariance
-    radius = UNKNOWNS.index(_NAMES[RADIUS])
-    if RADIUS not in bench.names:
-        total[radius, radius] += (bench.std_errors.get(RADIUS, 0.0) / bench.values[RADIUS]) ** 2
+    rows = [UNKNOWNS.index(_NAMES[name]) for name in bench.names]
+    radius, tension = UNKNOWNS.index(_NAMES[RADIUS]), UNKNOWNS.index("p0b")
+    fitted, own = np.zeros((k, k)), np.zeros((k, k))
+    fitted[np.ix_(rows, rows)] = bench.covariance
+    if not any(source.source == _BELT for source in bench.type_b):
+        fitted[radius, radius] = (bench.std_errors.get(RADIUS, 0.0) / bench.values[RADIUS]) ** 2
+    own[tension, tension] = tire.pressure_u**2
+    found = {"ring fit of the bench": fitted}
     for source in bench.type_b:
         moved = np.zeros(k)
         moved[rows] = source.sensitivity
-        total += source.relative**2 * np.outer(moved, moved)
-    tension = UNKNOWNS.index("p0b")
-    total[tension, tension] += tire.pressure_u**2
-    return total
+        moved[radius] = float(source.source == _BELT)
+        found[_WORDS.get(source.source, source.source)] = source.relative**2 * np.outer(moved, moved)
+    return {**found, "pressure of the drive": own}

@@ -44,7 +44,7 @@ PARAMETERS = (
         "5.11",
         key=True,
     ),
-    ParameterSpec("event_time", "t", "s", "centre of an event", "5.13", key=True),
+    ParameterSpec("event_time", "t", "s", "centre of an event", "5.13"),
     ParameterSpec("packet_loss", "p", "1", "share of the radio's packets that are missing", "5.1", key=True),
 )
 

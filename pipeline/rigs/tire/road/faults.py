@@ -21,8 +21,12 @@ _MANY_LOST = 0.2
 FAR_ABOVE, FAR_BELOW = 1.5, 0.5
 # R0 differs from the bench's: more than temperature makes of carbon ink is another divider or another sensor.
 _WARMER, _OTHER_RESISTANCE = 0.01, 0.10
+# Flex over film differs from the bench's: more than both fits leave open.
+_OTHER_RATIO = 0.05
 # The waveform's scatter about the model over the drive's own noise: from here on the model does not fit.
 _MISFIT = 2.0
+# Mean NIS within which a track's errors are right to a few per cent, whatever a test of thousands of revolutions says.
+_CALM = (0.8, 1.25)
 # A mean difference to the reference beyond so many standard deviations, and this share of the load.
 _BIAS_SD, _BIAS_SHARE = 2.5, 0.01
 
@@ -62,17 +66,30 @@ def _lost(run: RunNumbers) -> Iterator[QualityFinding]:
 
 
 def _bonding(run: RunNumbers) -> Iterator[QualityFinding]:
-    if run.bonding is None or run.bonding.step is None:
+    if run.bonding is None:
         return
-    step = run.bonding.step
-    change = 100.0 * (step.share - 1.0)
-    after = run.device.span[1]
-    text = (
-        f"the flex sensor's amplitude {'fell' if change < 0 else 'rose'} by {abs(change):.0f} % at t = {step.time:.2f} s while the PVDF "
-        f"film's {'did not' if abs(step.film_share - 1.0) < 0.1 else f'changed by {100 * (step.film_share - 1.0):+.0f} %'}: debonding "
-        "or a cracked sensor. Loads and forces from then on are withheld; glue the sensor anew and calibrate it again."
-    )
-    yield QualityFinding("warning", text, run.run, "flex_code", (step.time, after))
+    step = run.came_off
+    if step is not None:
+        text = (
+            f"the flex sensor's amplitude fell by {100.0 * (1.0 - step.share):.0f} % against the PVDF film's at t = {step.time:.2f} s: "
+            "debonding or a cracked sensor. Loads and forces from then on are withheld; glue the sensor anew and calibrate it again."
+        )
+        yield QualityFinding("warning", text, run.run, "flex_code", (step.time, run.device.span[1]))
+    elif not run.bonding.ok:
+        yield _warning(run, f"flex sensor and PVDF film do not keep their ratio: {run.bonding.verdict}.")
+    off = run.bonding.mean - 1.0
+    if (
+        run.has_forces
+        and math.isfinite(off)
+        and run.carried.tire
+        and run.carried.tire.bench.film
+        and abs(off) > _OTHER_RATIO
+    ):
+        yield _warning(
+            run,
+            f"the flex sensor answers {100.0 * off:+.0f} % against the PVDF film compared with the bench: a gain changed since then, and "
+            "load and force with it.",
+        )
 
 
 def _direction(run: RunNumbers) -> Iterator[QualityFinding]:
@@ -89,8 +106,9 @@ def _units(run: RunNumbers) -> Iterator[QualityFinding]:
             "State the unit of that channel in the recipe.",
             "vehicle_speed",
         )
+    wrong = compared is not None and compared.load_unit not in ("N", "")
     for remark in compared.remarks if compared is not None else ():
-        yield _note(run, remark)
+        yield (_warning if wrong and "looks like" in remark else _note)(run, remark)
 
 
 def _clocks(run: RunNumbers) -> Iterator[QualityFinding]:
@@ -150,7 +168,7 @@ def _resistance(run: RunNumbers) -> Iterator[QualityFinding]:
         yield _warning(
             run,
             f"{told}: temperature? R0 is taken out of every revolution; a gain that drifts along with it is not, and would shift the "
-            f"load by {abs(100 * off) * run.gain_to_load:.0f} N.",
+            f"load by {abs(100 * off) * run.common.gain_to_load:.0f} N.",
         )
 
 
@@ -159,11 +177,14 @@ def _tracks(run: RunNumbers) -> Iterator[QualityFinding]:
         track = run.tracks.get(name)
         if track is None:
             continue
-        if not track.consistent:
+        if not track.consistent and not _CALM[0] < track.mean_nis < _CALM[1]:
             yield _warning(run, f"the filter of the {words} is not consistent with its innovations: {track.verdict}")
         gated = int(np.count_nonzero(track.gated))
         if gated > max(3, 0.02 * len(run.forces)):
-            yield _note(run, f"{counted(gated, 'revolution')} of the {words} stand off by more than the gate (NIS > 10.8) and are left out of its track.")
+            yield _note(
+                run,
+                f"{counted(gated, 'revolution')} of the {words} stand off by more than the gate (NIS > 10.8) and are left out of its track.",
+            )
 
 
 def _biases(run: RunNumbers) -> Iterator[QualityFinding]:
@@ -176,8 +197,8 @@ def _biases(run: RunNumbers) -> Iterator[QualityFinding]:
         return
     typical = float(np.median(loads))
     for bias, common, channel, floor in (
-        (compared.load_bias, run.load_sd, "vertical_load", _BIAS_SHARE * typical),
-        (compared.force_bias, run.force_sd, "longitudinal_force", _BIAS_SHARE * typical),
+        (compared.load_bias, run.common.load_sd, "vertical_load", _BIAS_SHARE * typical),
+        (compared.force_bias, run.common.force_sd, "longitudinal_force", _BIAS_SHARE * typical),
     ):
         known = common[np.isfinite(common)]
         spread = math.hypot(float(np.median(known)) if known.size else 0.0, floor)

@@ -105,8 +105,8 @@ def chosen(uses: Mapping[str, Findings]) -> Chosen:
         return Chosen(None, told, tuple(notes))
     for name in benches:
         if name != whole[0]:
-            why = reasons[name] or f"'{whole[0]}' stands before it"
-            notes.append(QualityFinding("note", f"the bench campaign '{name}' is not used: {why}."))
+            other = reasons[name] or f"'{whole[0]}' stands before it"
+            notes.append(QualityFinding("note", f"the bench campaign '{name}' is not used: {other}."))
     bench = bench_tire(whole[0], benches[whole[0]])
     if bench.verdict == "warning":
         why = benches[bench.campaign].reasons
@@ -260,13 +260,13 @@ def _pressure(said: _Said, bench: BenchTire, conditions: Mapping[str, Condition]
     told = f"the calibration was made at p0 = {_bar(bench.pressure)}, now p0 = {_bar(own)} ({100 * off:+.0f} %)"
     if abs(off) > _FAR_PRESSURE:
         said.withhold(
-            f"{told}: too far for the bench's ring to be carried over (uncorrected the load would read {read:+.0f} %). Calibrate at "
+            f"{told}: too far for the bench's ring to be carried over (uncorrected the load would read about {read:+.0f} %). Calibrate at "
             "this pressure, or mend the pressure that is stated."
         )
         return ratio, uncertain, 0.0
     said.say(
         "warning" if abs(off) > _OTHER_PRESSURE else "note",
-        f"{told}; uncorrected the load would read {read:+.1f} %. It is corrected by the ring's tension, which leaves "
+        f"{told}; uncorrected the load would read about {read:+.0f} %, more at high loads. It is corrected by the ring's tension, which leaves "
         f"{100 * _FOUNDATION * LOAD_OVER_PRESSURE * abs(off):.1f} % uncertain (the foundation changes with the pressure too).",
     )
     return ratio, uncertain, _FOUNDATION * LOAD_OVER_PRESSURE * abs(off)

@@ -50,7 +50,10 @@ def _of_reference(name: str, run: RunNumbers) -> Parameter:
     compared = run.comparison
     if compared is None or track not in run.tracks:
         return _parameter(undetermined(name, f"no revolution of this drive tells a {track}"), at)
-    left = run.tracks[track].value - getattr(compared, track)
+    reference = getattr(compared, track)
+    if reference is None:
+        return _parameter(undetermined(name, f"{channel} is not in newtons: it looks like {compared.load_unit}"), at)
+    left = (run.tracks[track].value - reference)[run.forces.fits]
     left = left[np.isfinite(left)]
     if left.size < 3:
         reason = f"{channel} and the passages have no time in common: do the two tables belong to one drive?"

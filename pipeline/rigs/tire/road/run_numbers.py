@@ -13,15 +13,15 @@ from pipeline.rigs.tire.passages.device import Device, device_of
 from pipeline.rigs.tire.passages.passage_faults import Course, course_of
 from pipeline.rigs.tire.passages.revolutions import Revolutions, revolutions_of
 from pipeline.rigs.tire.road.asymmetry import Asymmetry, AsymmetrySum
-from pipeline.rigs.tire.road.carried_errors import calibrated
-from pipeline.rigs.tire.road.debonding import Bonding, debonding
+from pipeline.rigs.tire.road.carried_errors import calibrated, parts
+from pipeline.rigs.tire.road.debonding import Bonding, Step, debonding
 from pipeline.rigs.tire.road.declaration import RoadSettings
 from pipeline.rigs.tire.road.events import Event, events
 from pipeline.rigs.tire.road.handed_over import Carried, Chosen, RoadTire, carried
 from pipeline.rigs.tire.road.library import WaveformLibrary, library
 from pipeline.rigs.tire.road.noise_spectrum import NoiseSpectrum
 from pipeline.rigs.tire.road.record import References, references_of
-from pipeline.rigs.tire.road.reference import Comparison, ReferenceTable, compare
+from pipeline.rigs.tire.road.reference import Comparison, ReferenceTable, compare, own_direction
 from pipeline.rigs.tire.road.revolution_fit import Forces, RevolutionFit, joined
 from pipeline.rigs.tire.road.rotation_only import without_forces
 from pipeline.rigs.tire.road.systematic import systematic
@@ -37,6 +37,26 @@ REVERSED = (
 
 
 @dataclass(frozen=True, eq=False)
+class Common:
+    """What is uncertain of all revolutions of a drive alike.
+
+    Attributes
+    ----------
+    load_sd, force_sd
+        Standard uncertainties, N, shape (m,) each.
+    gain_to_load
+        What 1 % more gain of the sensor makes of the load at its median, N.
+    sources
+        By source: standard uncertainty of load and of force at the median of the drive, N.
+    """
+
+    load_sd: np.ndarray
+    force_sd: np.ndarray
+    gain_to_load: float
+    sources: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False)
 class RunNumbers:
     """What one drive tells; arrays per revolution have shape (m,).
 
@@ -46,16 +66,17 @@ class RunNumbers:
         What of the bench holds for it; without a tire load and force are NaN.
     forces, speed, speed_se
         Each revolution for itself; peripheral speed Re Omega, m/s.
-    load_sd, force_sd, speed_sd
-        What the bench leaves uncertain, N, N, m/s: common to all revolutions.
+    common, speed_sd
+        What the bench leaves uncertain of load and force, and of the speed (m/s).
     tracks
         Filtered ``load``, ``force`` (N) and ``rotation`` (rad/s).
-    comparison
-        With the reference channels; None where there are none.
+    ratio, bonding
+        The flex sensor's answer over the film's, and whether it steps; None without a film.
+    comparison, direction
+        With the reference channels, None where there are none; "right", "wrong" or "untold" by them or by the wheel's own
+        acceleration.
     asymmetry, noise
         Dips of some revolutions, spectrum of the noise: for the report.
-    gain_to_load
-        What 1 % more gain of the sensor makes of the load at its median, N.
     """
 
     run: str
@@ -65,17 +86,17 @@ class RunNumbers:
     forces: Forces
     speed: np.ndarray
     speed_se: np.ndarray
-    load_sd: np.ndarray
-    force_sd: np.ndarray
+    common: Common
     speed_sd: np.ndarray
     tracks: Mapping[str, Track]
     events: tuple[Event, ...]
+    ratio: np.ndarray
     bonding: Bonding | None
     references: References
     comparison: Comparison | None
+    direction: str
     asymmetry: Asymmetry
     noise: NoiseSpectrum | None
-    gain_to_load: float
     findings: tuple[QualityFinding, ...]
 
     @property
@@ -95,9 +116,14 @@ class RunNumbers:
         return (float(rate.min()), float(rate.max())) if rate.size else (math.nan, math.nan)
 
     @property
+    def came_off(self) -> Step | None:
+        """When the flex sensor came off: load and force are withheld from then on."""
+        return _came_off(self.bonding)
+
+    @property
     def reversed(self) -> bool:
-        """Whether references tell that forward was taken for backward: the longitudinal force is withheld then."""
-        return self.comparison is not None and self.comparison.direction == "wrong"
+        """Whether forward was taken for backward: the longitudinal force is withheld then."""
+        return self.direction == "wrong"
 
     @property
     def dip_slope(self) -> tuple[float, float] | None:
@@ -157,11 +183,13 @@ def numbers_of(
     held = carried(choice, recording.run, recording.conditions)
     known = libraries.of(held.tire) if held.tire is not None else None
     forces, course, asymmetry, noise = _passed(device, known, progress)
-    bonding = _bonding(forces, held, course)
-    if bonding is not None and bonding.step is not None:
-        forces = replace(forces, fits=forces.fits & (forces.time < bonding.step.time))
+    ratio = _ratio(forces, held, course)
+    bonding = debonding(forces.time, ratio) if np.isfinite(ratio).any() else None
+    came_off = _came_off(bonding)
+    if came_off is not None:
+        forces = replace(forces, fits=forces.fits & (forces.time < came_off.time))
     references = references_of(recording)
-    load_sd, force_sd, gain = _systematic(held, known, forces)
+    common = _common(held, known, forces)
     radius = held.radius
     compared = _compared(forces, references, held, device)
     return RunNumbers(
@@ -172,17 +200,17 @@ def numbers_of(
         forces=forces,
         speed=radius.value * forces.speed,
         speed_se=radius.value * forces.speed_se,
-        load_sd=load_sd,
-        force_sd=force_sd,
+        common=common,
         speed_sd=radius.std_error * forces.speed,
         tracks=_tracks(forces, held, settings),
         events=_events(forces, held, settings),
+        ratio=ratio,
         bonding=bonding,
         references=references,
         comparison=compared,
+        direction=compared.direction if compared is not None else own_direction(forces, radius.value)[0],
         asymmetry=asymmetry,
         noise=noise,
-        gain_to_load=gain,
         findings=(*held.findings, *references.findings),
     )
 
@@ -215,19 +243,25 @@ def _passed(
     return forces, course, dips.close(forces), fit.noise if fit is not None else None
 
 
-def _systematic(
-    held: Carried, known: WaveformLibrary | None, forces: Forces
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return what the bench leaves uncertain of load and force, N, shape (m,) each, and load per 1 % of gain, N."""
+def _common(held: Carried, known: WaveformLibrary | None, forces: Forces) -> Common:
+    """Return what the bench leaves uncertain of all revolutions alike."""
     if known is None or held.tire is None or not forces.fits.any():
         nothing = np.full(len(forces), math.nan)
-        return nothing, nothing, math.nan
+        return Common(nothing, nothing, math.nan, {})
     errors = systematic(known, forces.speed[forces.fits])
-    load = errors.load_sd(forces.load, forces.force, forces.speed)
-    force = errors.force_sd(forces.load, forces.force, forces.speed)
+    state = (forces.load, forces.force, forces.speed)
+    middle = tuple(np.array([np.median(values[forces.fits])]) for values in state)
     share = held.tire.correction_u
-    gain = abs(float(errors.gain_to_load(float(np.median(forces.load[forces.fits])))))
-    return np.hypot(load, share * np.abs(forces.load)), np.hypot(force, share * np.abs(forces.force)), gain
+    sources = {"correction for another pressure": tuple(share * abs(float(value[0])) for value in middle[:2])}
+    for source, covariance in parts(held.tire).items():
+        part = replace(errors, covariance=covariance)
+        sources[source] = float(part.load_sd(*middle)[0]), float(part.force_sd(*middle)[0])
+    return Common(
+        np.hypot(errors.load_sd(*state), share * np.abs(forces.load)),
+        np.hypot(errors.force_sd(*state), share * np.abs(forces.force)),
+        abs(float(errors.gain_to_load(float(middle[0][0])))),
+        {source: (load, force) for source, (load, force) in sources.items() if max(load, force) > 0.0},
+    )
 
 
 def _tracks(forces: Forces, held: Carried, settings: RoadSettings) -> dict[str, Track]:
@@ -266,13 +300,18 @@ def _events(forces: Forces, held: Carried, settings: RoadSettings) -> tuple[Even
     return tuple(found)
 
 
-def _bonding(forces: Forces, held: Carried, course: Course) -> Bonding | None:
-    """Return how the flex sensor answers compared with the film; without forces by the heights of both alone."""
-    if held.tire is not None:
-        return debonding(forces.time, forces.amplitude, forces.film_amplitude)
+def _ratio(forces: Forces, held: Carried, course: Course) -> np.ndarray:
+    """Return the flex sensor's answer over the film's, shape (m,); without forces by the heights of both alone."""
+    if held.tire is not None and held.tire.bench.film is not None:
+        return forces.gain_ratio
     if course.film_amplitude is None:
-        return None
-    return debonding(course.times, course.amplitude, course.film_amplitude)
+        return np.full(len(forces), math.nan)
+    return np.asarray(course.amplitude / np.where(course.film_amplitude > 0.0, course.film_amplitude, math.nan))
+
+
+def _came_off(bonding: Bonding | None) -> Step | None:
+    """Return the first step by which the flex sensor answers less than the film."""
+    return next((step for step in bonding.steps if step.share < 1.0), None) if bonding is not None else None
 
 
 def _compared(forces: Forces, references: References, held: Carried, device: Device) -> Comparison | None:

@@ -17,7 +17,9 @@ def sections(findings: Findings) -> Sequence[Section]:
         return []
     runs = [str(run) for run in findings.arrays["drives"]["run"]]
     return [
-        Section("drive", "The drive, revolution by revolution", [block for run in runs for block in tracks(findings, run)]),
+        Section(
+            "drive", "The drive, revolution by revolution", [block for run in runs for block in tracks(findings, run)]
+        ),
         Section("events", "Events", [block for run in runs for block in event_table(findings, run)]),
         Section("force", "What driving and braking do to the waveform", dips(findings)),
         Section("bonding", "Is the sensor still bonded?", bonding(findings)),

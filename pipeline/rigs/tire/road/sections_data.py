@@ -75,7 +75,9 @@ def bench_table(findings: Findings) -> list[Table | Text]:
     """Return what of the bench is used, and whether loads are extrapolated."""
     drives = rows_of(findings.arrays["drives"])
     told = [
-        f"Run {row['run']}: no load and no force: {row['reason']}" for row in drives if row["reason"] and not row["bench"]
+        f"Run {row['run']}: no load and no force: {row['reason']}"
+        for row in drives
+        if row["reason"] and not row["bench"]
     ]
     blocks: list[Table | Text] = [Text(told)] if told else []
     rows = [_bench_row(row) for row in drives]
@@ -91,8 +93,28 @@ def bench_table(findings: Findings) -> list[Table | Text]:
              Column("common sd of load", "N"), Column("common sd of force", "N")],
             rows,
         ),
+        *_common(findings),
         *_references(drives),
     ]  # fmt: skip
+
+
+def _common(findings: Findings) -> list[Table]:
+    """Return where the common uncertainty comes from."""
+    rows: list[list[Cell]] = [
+        [str(row["run"]), str(row["source"]), float(row["load"]), float(row["force"])]
+        for row in rows_of(findings.arrays["common_errors"])
+    ]
+    if not rows:
+        return []
+    return [
+        Table(
+            "common",
+            "Where the common uncertainty comes from",
+            "Standard uncertainties at the median load and rotation of the drive; they move all its revolutions together.",
+            [Column("run"), Column("source"), Column("load", "N"), Column("force", "N")],
+            rows,
+        )
+    ]
 
 
 def _bench_row(row: dict[str, Any]) -> list[Cell]:

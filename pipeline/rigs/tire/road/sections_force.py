@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Figure, Line, Mark, Panel, Points, Rule, Text
-from pipeline.rigs.tire.road.sections_tracks import FORCE, TIME, of_run, rows_of
+from pipeline.rigs.tire.road.sections_tracks import FORCE, TIME, extremes, of_run, rows_of
 
 _OHM = Axis("trailing less leading dip A", "ohm")
 
@@ -21,7 +21,9 @@ def dips(findings: Findings) -> list[Figure]:
             continue
         model = of_run(findings.arrays["asymmetry_model"], str(run))
         words = "Fx of the reference channel" if bool(table["reference"].iloc[0]) else "Fx of the fit"
-        marks: list[Mark] = [Points(table["force"].to_numpy(), table["asymmetry"].to_numpy(), "measured", "one revolution")]
+        marks: list[Mark] = [
+            Points(table["force"].to_numpy(), table["asymmetry"].to_numpy(), "measured", "one revolution")
+        ]
         if len(model):
             marks.append(Line(model["force"].to_numpy(), model["asymmetry"].to_numpy(), "model", "ring of the bench"))
         panels.append(Panel(marks, Axis(words, FORCE.unit), _OHM, f"run {run}"))
@@ -48,6 +50,7 @@ def bonding(findings: Findings) -> list[Figure | Text]:
         table = table[np.isfinite(table["film_ratio"])]
         if table.empty:
             continue
+        table = table.iloc[extremes(table["film_ratio"].to_numpy())]
         marks: list[Mark] = [
             Points(table["time"].to_numpy(), table["film_ratio"].to_numpy(), "measured", "one revolution"),
             Rule(y=1.0),

@@ -48,11 +48,13 @@ def judge(
     with_forces = [run for run in runs if run.has_forces and run.forces.fits.any()]
     if choice.bench is None:
         said.warn(f"Speed only, no load and no force: {choice.reason}")
-        said.advice.append("Identify a tire.bench campaign of this tire with this sensor and name it under 'uses' in the recipe.")
+        said.advice.append(
+            "Identify a tire.bench campaign of this tire with this sensor and name it under 'uses' in the recipe."
+        )
     for run in with_forces:
         _told(said, run)
-    for run, reason in list(left_out.items())[:_TOLD]:
-        said.warn(f"Run {run} is left out: {_ended(reason)}")
+    for name, reason in list(left_out.items())[:_TOLD]:
+        said.warn(f"Run {name} is left out: {_ended(reason)}")
     if len(left_out) > _TOLD:
         said.warn(f"{counted(len(left_out) - _TOLD, 'more run')} are left out, see the quality findings.")
     grave = [q for q in quality if q.level != "note" and q.run not in left_out]
@@ -81,7 +83,7 @@ def _told(said: Judgement, run: RunNumbers) -> None:
     )
     if run.bonding is None:
         said.reasons.append(f"Run {run.run}: whether the sensor is still bonded cannot be told without a PVDF film.")
-    elif run.bonding.step is None:
+    elif run.bonding.ok:
         said.reasons.append(f"Run {run.run}: bonding ok: flex sensor and film keep their ratio.")
 
 
@@ -98,7 +100,9 @@ def _advise(said: Judgement, runs: Sequence[RunNumbers]) -> None:
             )
             break
     if runs and not any(run.references.get("vertical_load") for run in runs):
-        said.advice.append("Log a reference (wheel force transducer, or load from suspension travel) on one drive to check load and force.")
+        said.advice.append(
+            "Log a reference (wheel force transducer, or load from suspension travel) on one drive to check load and force."
+        )
 
 
 def _ended(text: str) -> str:
