@@ -113,13 +113,20 @@ def _units(run: RunNumbers) -> Iterator[QualityFinding]:
 
 def _clocks(run: RunNumbers) -> Iterator[QualityFinding]:
     compared = run.comparison
-    if compared is None or not compared.offset_applied:
+    if compared is None:
         return
-    yield _warning(
-        run,
-        f"the clocks of transmitter and vehicle are {compared.offset:+.3f} s apart (standard error {compared.offset_se:.3f} s); the "
-        "reference channels are shifted by that. Start both loggers from one signal.",
-    )
+    if compared.offset_applied:
+        yield _warning(
+            run,
+            f"the clocks of transmitter and vehicle are {compared.offset:+.3f} s apart (standard error {compared.offset_se:.3f} s); the "
+            "reference channels are shifted by that. Start both loggers from one signal.",
+        )
+    elif run.clocks_unsure:
+        yield _warning(
+            run,
+            f"the clocks of transmitter and vehicle seem {compared.offset:+.2f} s apart, but {compared.offset_verdict}: the reference "
+            "channels are not shifted, and load and force not held against them.",
+        )
 
 
 def _range(run: RunNumbers) -> Iterator[QualityFinding]:
@@ -190,7 +197,7 @@ def _tracks(run: RunNumbers) -> Iterator[QualityFinding]:
 def _biases(run: RunNumbers) -> Iterator[QualityFinding]:
     """Tell of a mean difference to a reference that the stated uncertainties do not explain."""
     compared = run.comparison
-    if compared is None or run.reversed:
+    if compared is None or run.reversed or run.clocks_unsure:
         return
     loads = run.forces.load[run.forces.fits]
     if not loads.size:

@@ -50,6 +50,9 @@ def _of_reference(name: str, run: RunNumbers) -> Parameter:
     compared = run.comparison
     if compared is None or track not in run.tracks:
         return _parameter(undetermined(name, f"no revolution of this drive tells a {track}"), at)
+    if run.clocks_unsure:
+        reason = f"the clocks of transmitter and vehicle seem {compared.offset:+.2f} s apart, {compared.offset_verdict}"
+        return _parameter(undetermined(name, reason), at)
     reference = getattr(compared, track)
     if reference is None:
         return _parameter(undetermined(name, f"{channel} is not in newtons: it looks like {compared.load_unit}"), at)

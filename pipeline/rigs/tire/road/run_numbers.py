@@ -28,6 +28,8 @@ from pipeline.rigs.tire.road.systematic import systematic
 from pipeline.rigs.tire.road.tracking import Track, track
 
 Progress = Callable[[float], None]
+# A reference that seems so many seconds off is not compared.
+_APART = 0.1
 # So many revolutions tell a slope.
 _FEWEST = 20
 REVERSED = (
@@ -124,6 +126,12 @@ class RunNumbers:
     def reversed(self) -> bool:
         """Whether forward was taken for backward: the longitudinal force is withheld then."""
         return self.direction == "wrong"
+
+    @property
+    def clocks_unsure(self) -> bool:
+        """Whether the reference seems to run on another clock and was not shifted: nothing is compared then."""
+        compared = self.comparison
+        return compared is not None and not compared.offset_applied and abs(compared.offset) > _APART
 
     @property
     def dip_slope(self) -> tuple[float, float] | None:
