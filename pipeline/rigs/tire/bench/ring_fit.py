@@ -26,6 +26,7 @@ _OTHER_STARTS = ((0.3, 1.0, 2.0, 1.0), (3.0, 2.0, 1.0, 0.3), (1.0, 0.3, 3.0, 3.0
 _DECADE = math.log(10.0)
 _LINEAR_BOUNDS = {"loss_factor": (-0.1, 1.0), "sensor_lag": (-1e-3, 5e-2)}
 _POOR = 2.0
+_AGREE = 1e-3
 _FEWEST_BINS = 64
 # Where neither loads nor anything else set the scale, the belt's width is held about as well as one can guess it.
 _GUESS_U = 0.1
@@ -248,8 +249,11 @@ def _searched(model: RingModel, first: Unknowns) -> tuple[np.ndarray, tuple[str,
             cost, x, held, converged = _descended(model, start)
         except ArithmeticError:
             continue
+        agreed = best is not None and abs(cost - best[0]) < _AGREE * best[0]
         if best is None or cost < best[0]:
             best = (cost, x, held, converged)
+        if agreed:
+            break
         data = sum(np.count_nonzero(w) for w in model.weights)
         if not best[2] and 2.0 * best[0] < _POOR * data:
             break
