@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 
 # Two passages nearer than this share of the local period are one.
-_DOUBLE = 0.5
+_DOUBLE, _SUSPECT = 0.5, 0.7
 # An interval is so many periods if it differs from them by less than this share of one.
 _OFF = 0.25
 _MOST_LOST = 8
@@ -67,38 +68,45 @@ def _without_doubles(places: np.ndarray, heights: np.ndarray) -> np.ndarray:
     kept = np.arange(places.size)
     while kept.size >= 3:
         periods = np.diff(places[kept])
-        usual = np.array([_usual(periods, i) for i in range(periods.size)])
-        near = np.flatnonzero(periods < _DOUBLE * usual)
-        # Half of all intervals short means that the wheel is fast there, not that peaks are double.
-        near = [i for i in near if not _both_short(periods, usual, int(i))]
+        near = [i for i in np.flatnonzero(periods < _SUSPECT * np.median(periods)).tolist() if _is_double(periods, i)]
+        near += [i for i in _shortest(periods) if i not in near and _is_double(periods, i)]
         if not near:
             break
-        i = int(near[0])
+        i = near[0]
         kept = np.delete(kept, i if heights[kept[i]] < heights[kept[i + 1]] else i + 1)
     return kept
 
 
-def _both_short(periods: np.ndarray, usual: np.ndarray, i: int) -> bool:
-    """Tell whether a neighbouring interval is as short: then the speed changed."""
+def _shortest(periods: np.ndarray) -> list[int]:
+    """Return the intervals that are much shorter than one beside them."""
+    short = np.zeros(periods.size, dtype=bool)
+    short[1:] |= periods[1:] < _SUSPECT * periods[:-1]
+    short[:-1] |= periods[:-1] < _SUSPECT * periods[1:]
+    return np.flatnonzero(short).tolist()
+
+
+def _is_double(periods: np.ndarray, i: int) -> bool:
+    """Tell whether interval i is too short, and none beside it as short: then the speed changed."""
+    if periods[i] >= _DOUBLE * _usual(periods, i):
+        return False
     beside = [periods[k] for k in (i - 1, i + 1) if 0 <= k < periods.size]
-    return any(abs(other / periods[i] - 1.0) < _OFF for other in beside)
+    return not any(abs(other / periods[i] - 1.0) < _OFF for other in beside)
 
 
 def _usual(periods: np.ndarray, i: int) -> float:
     """Return the median period of up to four neighbours on either side, the nearer side of which may be another speed."""
-    before = periods[max(i - _NEIGHBOURS, 0) : i]
-    after = periods[i + 1 : i + 1 + _NEIGHBOURS]
-    sides = [float(np.median(side)) for side in (before[-2:], after[:2]) if side.size]
-    around = np.concatenate([before, after])
-    if not around.size:
+    before = periods[max(i - _NEIGHBOURS, 0) : i].tolist()
+    after = periods[i + 1 : i + 1 + _NEIGHBOURS].tolist()
+    if not before and not after:
         return float(periods[i])
-    middle = float(np.median(around))
+    middle = float(median(before + after))
     # While the speed changes, the neighbours next to the interval tell more than the median of all.
-    near = float(np.mean(sides))
+    sides = [median(side) for side in (before[-2:], after[:2]) if side]
+    near = float(sum(sides) / len(sides))
     return near if abs(near / middle - 1.0) < 0.3 else middle
 
 
 def _lost(valid: np.ndarray, at: float, period: float) -> bool:
     begin = int(np.clip(at - _REACH * period, 0, valid.size - 1))
     end = int(np.clip(at + _REACH * period + 1, 0, valid.size - 1))
-    return end <= begin or (valid[end] - valid[begin]) < _THERE * (end - begin)
+    return bool(end <= begin or (valid[end] - valid[begin]) < _THERE * (end - begin))

@@ -238,7 +238,10 @@ class _Gatherer:
         length = self._filled if gap > self._silence else min(self._filled + gap, self._size)
         values, device = self._buffer[:, :length], self._device
         ends = [(0.5 * device.step, device.adc_full_scale - 1.5 * device.step)] * self._channels
-        ends[0] = (max(ends[0][0], _OPEN * device.supply_voltage), min(ends[0][1], (1.0 - _OPEN) * device.supply_voltage))
+        ends[0] = (
+            max(ends[0][0], _OPEN * device.supply_voltage),
+            min(ends[0][1], (1.0 - _OPEN) * device.supply_voltage),
+        )
         clipped = [_clipped(row, *end) for row, end in zip(values, ends, strict=True)]
         for row, mask in zip(values, clipped, strict=True):
             if mask is not None:

@@ -75,7 +75,7 @@ class RevolutionFeatures:
     @property
     def asymmetry_se(self) -> np.ndarray:
         """Standard error of the asymmetry, ohm, shape (m,)."""
-        return np.hypot(self.dip_trailing_se, self.dip_leading_se)
+        return np.asarray(np.hypot(self.dip_trailing_se, self.dip_leading_se))
 
 
 def revolution_features(revolutions: Revolutions, waveform: Waveform, R: float, highest: int) -> RevolutionFeatures:

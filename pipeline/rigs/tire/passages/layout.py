@@ -156,23 +156,27 @@ class _Grid:
     def add(self, time: np.ndarray, index: np.ndarray | None, counter: np.ndarray | None) -> None:
         """Place the next rows."""
         elapsed = np.diff(time, prepend=self._last[0]) * self.rate
-        advance = self._packets(elapsed, counter) if self.bits and counter is not None else None
+        packets = None
         if self.by == "sample_index" and index is not None:
             jump = self._by_index(elapsed, index)
-        elif advance is not None:
-            jump = advance[1]
+        elif self.by == "packet_counter" and counter is not None:
+            packets, jump = self._packets(elapsed, counter)
         else:
-            jump = self._by_time(time, elapsed)
+            jump = self._by_time(time)
         if self.size == 0:
             jump[0] = 0
         place = self._last[1] + np.cumsum(jump) if self.size else np.cumsum(jump)
         breaks = np.flatnonzero(jump != 1)
-        if self.size == 0 and (breaks.size == 0 or breaks[0] != 0):
-            breaks = np.concatenate([[0], breaks])
+        if self.bits and counter is not None and self.by == "sample_index":
+            packets = self._packets_across(counter, jump, breaks)
+        elif packets is not None:
+            packets = packets[breaks]
         self._rows.append(breaks + self.size)
         self._places.append(place[breaks])
-        self._count_lost(jump, breaks[1:] if self.size == 0 else breaks, None if advance is None else advance[0])
-        self._offsets.append(float(np.median(time - place / self.rate)))
+        later = slice(1 if self.size == 0 else 0, None)
+        self._count_lost(jump[breaks[later]] - 1, None if packets is None else packets[later])
+        some = slice(None, None, max(1, time.size // 1000))
+        self._offsets.append(float(np.median(time[some] - place[some] / self.rate)))
         self._last = (float(time[-1]), int(place[-1]))
         self.size += time.size
 
@@ -218,7 +222,7 @@ class _Grid:
         self._strays += int(stray.sum())
         return np.where(stray, np.maximum(np.round(elapsed), 1.0), step).astype(np.int64)
 
-    def _by_time(self, time: np.ndarray, elapsed: np.ndarray) -> np.ndarray:
+    def _by_time(self, time: np.ndarray) -> np.ndarray:
         begins = self._offsets[0] if self._offsets else float(time[0])
         place = np.round((time - begins) * self.rate).astype(np.int64)
         order = np.arange(time.size)
@@ -239,8 +243,7 @@ class _Grid:
         inside = inside % self.frames
         new = new | full
         before = np.concatenate([[self._inside if self.size else self.frames - 1], inside[:-1]])
-        if self.by == "packet_counter" or not self.size:
-            self._inside = int(inside[-1])
+        self._inside = int(inside[-1])
         packets, jump = np.zeros(step.size), np.ones(step.size, dtype=np.int64)
         at = np.flatnonzero(new)
         modulus = 2.0**self.bits
@@ -255,15 +258,23 @@ class _Grid:
         jump[at] = np.maximum(np.round(placed * self.frames) - before[at], 1).astype(np.int64)
         return packets, jump
 
-    def _count_lost(self, jump: np.ndarray, breaks: np.ndarray, packets: np.ndarray | None) -> None:
-        gap = jump[breaks] - 1
+    def _packets_across(self, counter: np.ndarray, jump: np.ndarray, breaks: np.ndarray) -> np.ndarray:
+        """Return by how many packets the counter is ahead across each break that sample_index shows, wraps included."""
+        before = np.where(breaks > 0, counter[breaks - 1], self._count)
+        self._count = float(counter[-1])
+        modulus = 2.0**self.bits
+        ahead = np.mod(counter[breaks] - before, modulus)
+        wraps = np.maximum(0.0, np.round((jump[breaks] / self.frames - ahead) / modulus))
+        return np.asarray(ahead + modulus * wraps)
+
+    def _count_lost(self, gap: np.ndarray, packets: np.ndarray | None) -> None:
         if not gap.size:
             return
         self._longest = max(self._longest, int(gap.max()))
         if packets is None:
             self._lost += int(gap.sum())
             return
-        told = np.maximum(packets[breaks] - 1.0, 0.0) * self.frames
+        told = np.maximum(packets - 1.0, 0.0) * self.frames
         slept = gap - told > 1.5 * self.frames
         self._slept += int(slept.sum())
         self._lost += int(np.minimum(told, gap)[slept].sum()) + int(gap[~slept].sum())

@@ -6,6 +6,7 @@ Positions are in samples from the beginning of a stretch. Numba is imported here
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numba as nb
 import numpy as np
@@ -79,7 +80,7 @@ def humps(values: np.ndarray, upper: np.ndarray, lower: np.ndarray, window: int)
 
 
 @nb.njit(cache=True, inline="always")
-def _phase(i: float, knots: np.ndarray, slopes: np.ndarray, k: int) -> float:
+def _phase(i: float, knots: np.ndarray, slopes: np.ndarray, k: int) -> Any:
     """Return the phase, revolutions, at position i between knots k and k + 1 (cubic Hermite), straight beyond the ends."""
     last = knots.size - 1
     if k < 0:
@@ -94,7 +95,7 @@ def _phase(i: float, knots: np.ndarray, slopes: np.ndarray, k: int) -> float:
 
 
 @nb.njit(cache=True, inline="always")
-def _read(table: np.ndarray, place: float) -> float:
+def _read(table: np.ndarray, place: float) -> Any:
     """Return a periodic table at a place counted in its own steps, straight between them."""
     n = table.size
     low = math.floor(place)
@@ -117,8 +118,8 @@ def passage_sums(
     for k in range(m):
         before = knots[k] - knots[k - 1] if k > 0 else knots[1] - knots[0]
         after = knots[k + 1] - knots[k] if k < m - 1 else before
-        first = int(math.ceil(knots[k] - WINDOW * before))
-        last = int(math.floor(knots[k] + WINDOW * after))
+        first = math.ceil(knots[k] - WINDOW * before)
+        last = math.floor(knots[k] + WINDOW * after)
         s = np.zeros(11)
         origin, known = 0.0, False
         s[10] = last - first + 1
@@ -147,59 +148,103 @@ def passage_sums(
 
 
 @nb.njit(cache=True)
-def in_bins(
-    values: np.ndarray,
-    knots: np.ndarray,
-    slopes: np.ndarray,
-    first: int,
-    last: int,
-    scale: np.ndarray,
-    template: np.ndarray,
-    VIN: float,
-    R1: float,
-    flipped: bool,
-    bins: int,
-    means: np.ndarray,
-    counts: np.ndarray,
-) -> None:
-    """Fill the mean and number of the valid samples by bins of angle in the revolutions round knots first..last.
+def mean_by_angle(
+    values: np.ndarray, knots: np.ndarray, slopes: np.ndarray, chosen: np.ndarray, bins: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and number of the valid samples by bins of angle over the `chosen` revolutions, shape (bins,) each.
 
-    Bin b stands round the angle (b - bins/2) 2 pi/bins. Each sample is carried to its bin's middle along `scale` times
-    the template (even grid from -pi). With VIN > 0 volts become resistance. `means`, `counts` have shape (last - first
-    + 1, bins).
+    The level of every revolution against the mean of all, on the samples that it has, is taken out.
     """
-    N = template.size
-    carried = N > 1
-    per_bin = N // bins if carried else 1
-    for k in range(first, last + 1):
-        row = k - first
-        total, count = means[row], counts[row]
-        total[:] = 0.0
-        count[:] = 0
-        begin = _crossing(knots, slopes, k - 1)
-        end = _crossing(knots, slopes, k)
-        for i in range(max(int(math.ceil(begin)), 0), min(int(math.ceil(end)), values.size)):
-            y = values[i]
-            if y != y:
-                continue
-            if VIN > 0.0:
-                if flipped:
-                    y = VIN - y
-                if not 0.0 < y < VIN:
-                    continue
-                y = R1 * y / (VIN - y)
-            p = _phase(i, knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
-            b = int(math.floor(p * bins + 0.5)) % bins
-            if carried:
-                y -= scale[row] * (_read(template, p * N) - template[b * per_bin])
-            total[b] += y
-            count[b] += 1
+    means, count = np.zeros(bins), np.zeros(bins)
+    for turn in range(2):
+        total = np.zeros(bins)
+        count[:] = 0.0
+        for k in chosen:
+            first = max(math.ceil(_crossing(knots, slopes, k - 1)), 0)
+            last = min(math.ceil(_crossing(knots, slopes, k)), values.size)
+            level, n = 0.0, 0
+            for i in range(first, last if turn else first):
+                if values[i] == values[i]:
+                    p = _phase(i, knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
+                    level += values[i] - means[int(p * bins + 0.5) % bins]
+                    n += 1
+            level /= max(n, 1)
+            for i in range(first, last):
+                if values[i] == values[i]:
+                    p = _phase(i, knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
+                    b = int(p * bins + 0.5) % bins
+                    total[b] += values[i] - level
+                    count[b] += 1.0
         for b in range(bins):
-            total[b] = total[b] / count[b] if count[b] else np.nan
+            means[b] = total[b] / count[b] if count[b] else np.nan
+    return means, count
 
 
 @nb.njit(cache=True)
-def _crossing(knots: np.ndarray, slopes: np.ndarray, k: int) -> float:
+def in_bins(
+    flex: np.ndarray,
+    film: np.ndarray,
+    knots: np.ndarray,
+    slopes: np.ndarray,
+    first: int,
+    flex_template: np.ndarray,
+    film_template: np.ndarray,
+    scale: np.ndarray,
+    VIN: float,
+    R1: float,
+    flipped: bool,
+    resistance: np.ndarray,
+    volts: np.ndarray,
+    count: np.ndarray,
+    film_count: np.ndarray,
+) -> None:
+    """Fill R2 of the flex sensor and volts of the film by bins of angle, and their valid samples, shape (m, bins) each.
+
+    Rows are the revolutions round the knots from `first` on. Bin b stands round the angle (b - bins/2) 2 pi/bins; each
+    sample is carried to its bin's middle along the templates (even grids from -pi), that of R2 times `scale`. An empty
+    `film` is left out.
+    """
+    m, bins = count.shape
+    N = flex_template.size
+    per_bin = N // bins
+    with_film = film.size > 0
+    for row in range(m):
+        k = first + row
+        begin = max(math.ceil(_crossing(knots, slopes, k - 1)), 0)
+        end = min(math.ceil(_crossing(knots, slopes, k)), flex.size)
+        for i in range(begin, end):
+            y = flex[i]
+            z = film[i] if with_film else np.nan
+            if y != y and z != z:
+                continue
+            p = _phase(i, knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
+            at = p * bins
+            b = int(at + 0.5)
+            place = p * N
+            low = int(place)
+            share = place - low
+            low %= N
+            high = (low + 1) % N
+            b %= bins
+            middle = b * per_bin
+            if z == z:
+                T = film_template[low] + share * (film_template[high] - film_template[low])
+                volts[row, b] += z - (T - film_template[middle])
+                film_count[row, b] += 1
+            if flipped:
+                y = VIN - y
+            if 0.0 < y < VIN:
+                T = flex_template[low] + share * (flex_template[high] - flex_template[low])
+                resistance[row, b] += R1 * y / (VIN - y) - scale[row] * (T - flex_template[middle])
+                count[row, b] += 1
+        for b in range(bins):
+            resistance[row, b] = resistance[row, b] / count[row, b] if count[row, b] else np.nan
+            if with_film:
+                volts[row, b] = volts[row, b] / film_count[row, b] if film_count[row, b] else np.nan
+
+
+@nb.njit(cache=True)
+def _crossing(knots: np.ndarray, slopes: np.ndarray, k: int) -> Any:
     """Return where the phase is k + 1/2, by Newton's method; beyond the ends along the straight line."""
     last = knots.size - 1
     if k < 0:

@@ -63,8 +63,15 @@ def passage_findings(device: Device, course: Course, waveform: Waveform | None) 
         _nothing(found, device, course)
         return (*packets, *found)
     _order(found, device, course)
+    if waveform is not None and waveform.rejected:
+        total = waveform.rejected + waveform.revolutions
+        found.add(
+            "warning" if waveform.rejected > 0.1 * total else "note",
+            f"{counted(waveform.rejected, 'revolution')} of {total} unlike the others: left out of the average.",
+            "flex_voltage",
+        )
     if not _exchanged(found, device, course, gated):
-        _signals(found, device, course, waveform, gated)
+        _signals(found, device, course, gated)
         if not device.on_road:
             _steady(found, device, course)
     return (*packets, *found)
@@ -189,7 +196,7 @@ def _exchanged(found: _Findings, device: Device, course: Course, gated: bool) ->
     return False
 
 
-def _signals(found: _Findings, device: Device, course: Course, waveform: Waveform | None, gated: bool) -> None:
+def _signals(found: _Findings, device: Device, course: Course, gated: bool) -> None:
     """Say what is wrong with polarity, range, film, harmonics and hum."""
     if course.polarity < 0 or course.upper_leg:
         told = "" if device.polarity is None else f" (told: {device.polarity:+d})"
@@ -215,9 +222,9 @@ def _signals(found: _Findings, device: Device, course: Course, waveform: Wavefor
             "flex_voltage",
         )
     hum = float(np.median(course.hum))
-    noise = float(np.median(course.noise))
+    noise = float(np.nanmedian(course.noise))
     R1, VIN = device.divider_resistance, device.supply_voltage
-    slope = VIN * R1 / (R1 + float(np.median(course.level))) ** 2
+    slope = VIN * R1 / (R1 + float(np.nanmedian(course.level))) ** 2
     if hum > _HUM * noise * slope or hum > 5e-3:
         found.add("warning", f"mains hum of {hum * 1e3:.1f} mV at the flex sensor: shield it.", "flex_voltage")
 
@@ -264,12 +271,12 @@ def _steady(found: _Findings, device: Device, course: Course) -> None:
         )
     step = step_of(course, has_film=device.has_film)
     if step is not None:
-        _stepped(found, device, course, step)
+        _stepped(found, device, step)
         return
     _drifting(found, device, course, good)
 
 
-def _stepped(found: _Findings, device: Device, course: Course, step: Step) -> None:
+def _stepped(found: _Findings, device: Device, step: Step) -> None:
     change = f"fell by {-step.flex:.0%}" if step.flex < 0.0 else f"rose by {step.flex:.0%}"
     film = "" if step.film is None else f" while PVDF changed by {step.film:+.0%}"
     why = "debonding or broken ink" if step.flex < 0.0 else "the bond or the gain changed"

@@ -7,6 +7,7 @@ between them is judged in `chains`, their moments are refined in `times`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class Humps:
     swing: float
 
 
-def coarse(flex: np.ndarray, rate: float, step: float) -> tuple[np.ndarray, int]:
+def coarse(flex: np.ndarray, rate: float) -> tuple[np.ndarray, int]:
     """Return block means, with short gaps bridged, and how many samples each spans."""
     from pipeline.rigs.tire.passages.loops import block_means, without_gaps
 
@@ -110,11 +111,12 @@ def _contrast(window: np.ndarray, step: float) -> tuple[float, float, bool]:
 
 def _tall(heights: np.ndarray) -> np.ndarray:
     """Return which humps are not much lower than those before and those after them."""
+    high = heights.tolist()
     kept = np.ones(heights.size, dtype=bool)
-    for i in range(heights.size):
-        around = [heights[max(i - _NEIGHBOURS, 0) : i], heights[i + 1 : i + 1 + _NEIGHBOURS]]
-        usual = [float(np.median(side)) for side in around if side.size]
-        kept[i] = not usual or heights[i] >= _LEAST_HEIGHT * min(usual)
+    for i, height in enumerate(high):
+        around = (high[max(i - _NEIGHBOURS, 0) : i], high[i + 1 : i + 1 + _NEIGHBOURS])
+        usual = [median(side) for side in around if side]
+        kept[i] = not usual or height >= _LEAST_HEIGHT * min(usual)
     return kept
 
 

@@ -96,8 +96,9 @@ class Revolutions:
 
     def __getitem__(self, chosen: np.ndarray | slice) -> Revolutions:
         """Return the revolutions that a mask, indices or a slice choose."""
-        found = {f.name: getattr(self, f.name) for f in fields(self)}
-        return replace(self, **{name: value[chosen] for name, value in found.items() if isinstance(value, np.ndarray)})
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        arrays: dict[str, Any] = {name: v[chosen] for name, v in values.items() if isinstance(v, np.ndarray)}
+        return replace(self, **arrays)
 
     def without_tables(self) -> Revolutions:
         """Return the same without what is told by angle: `resistance`, `film` and `count` have no bins."""

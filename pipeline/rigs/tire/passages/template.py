@@ -33,6 +33,12 @@ class Template:
         return float((i + shift - FINE // 2) * 2.0 * np.pi / FINE)
 
     @property
+    def skewness(self) -> float:
+        """Third moment over the cube of the standard deviation; 0 of a flat waveform."""
+        square = float(np.mean(self.values**2))
+        return float(np.mean(self.values**3)) / square**1.5 if square > 0.0 else 0.0
+
+    @property
     def height(self) -> float:
         """Highest value over the mean, which is zero."""
         return float(self.values.max())
@@ -59,6 +65,13 @@ def from_bins(means: np.ndarray, orders: int = ORDERS) -> Template:
     return from_harmonics(harmonics)
 
 
+def from_values(values: np.ndarray) -> Template:
+    """Return the template through values on `FINE` even angles from -pi, less their mean."""
+    harmonics = np.fft.rfft(np.fft.ifftshift(values))[: ORDERS + 1] / values.size
+    harmonics[0] = 0.0
+    return from_harmonics(harmonics)
+
+
 def bridged(means: np.ndarray) -> np.ndarray:
     """Return periodic values with NaN bridged by straight lines; ValueError where all are NaN."""
     known = np.flatnonzero(np.isfinite(means))
@@ -66,4 +79,4 @@ def bridged(means: np.ndarray) -> np.ndarray:
         return means
     if known.size == 0:
         raise ValueError("no bin holds a sample")
-    return np.interp(np.arange(means.size), known, means[known], period=means.size)
+    return np.asarray(np.interp(np.arange(means.size), known, means[known], period=means.size))

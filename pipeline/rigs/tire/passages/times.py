@@ -136,8 +136,8 @@ def standard_errors(flex: np.ndarray, places: np.ndarray, template: Template, fi
     rougher = float(np.nanmedian(rough[good])) / max(float(np.nanmedian(jumps)), 1e-30)
     widened = rougher if rougher > _ROUGHER else 1.0
     factor = np.interp(np.arange(places.size), chosen[good], factors[good]) * widened
-    noise = np.where(fit.noise > 0.0, fit.noise, np.inf)
-    return np.asarray(fit.errors / noise * factor)
+    unit = np.divide(fit.errors, fit.noise, out=np.full(fit.errors.size, np.inf), where=fit.noise > 0.0)
+    return np.asarray(unit * factor)
 
 
 def _nearby(levels: np.ndarray, weights: np.ndarray, row: int) -> float:
@@ -207,7 +207,7 @@ def _at(table: np.ndarray, places: np.ndarray, knots: np.ndarray, k: int) -> np.
     near = slice(max(k - 3, 0), k + 4)
     order = np.arange(knots.size, dtype=float)[near]
     angle = (monotone(knots[near], order, places) - k + 0.5) * FINE
-    return np.interp(angle, np.arange(FINE), table, period=FINE)
+    return np.asarray(np.interp(angle, np.arange(FINE), table, period=FINE))
 
 
 def _full_information(template: Template, n: np.ndarray) -> np.ndarray:

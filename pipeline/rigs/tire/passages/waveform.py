@@ -266,4 +266,4 @@ class _Sums:
 
 def _ratio(above: np.ndarray, below: np.ndarray) -> np.ndarray:
     """Return the quotient, NaN where `below` is not above zero."""
-    return np.divide(above, below, out=np.full(np.shape(above), np.nan), where=below > 0)
+    return np.asarray(np.divide(above, below, out=np.full(np.shape(above), np.nan), where=below > 0))
