@@ -57,7 +57,7 @@ class FilmRunFit:
     predicted, film
         V, of these orders only, shape (n,).
     nrmse
-        Rms of their difference over the film's peak to peak.
+        Rms of their difference over the rms of the film.
     """
 
     run: str
@@ -259,7 +259,7 @@ def _gain(x: np.ndarray, spectra: Sequence[_Orders], model: Callable[[np.ndarray
 def _run_fit(s: _Orders, H: np.ndarray) -> FilmRunFit:
     size = s.run.film.size
     predicted, film = (_back(s.n, values, size) for values in (H * s.X, s.V))
-    nrmse = float(np.sqrt(np.mean((predicted - film) ** 2)) / np.ptp(film))
+    nrmse = float(np.sqrt(np.mean((predicted - film) ** 2) / np.mean(film**2)))
     return FilmRunFit(s.run.run, s.n, s.V / s.X, H, predicted, film, nrmse)
 
 
@@ -308,9 +308,9 @@ def _told(i: int, values: np.ndarray, covariance: np.ndarray, speeds: int, verdi
 
 def _said(verdict: str, worst: float, reduced: float) -> str:
     said = {
-        "good": f"The flex sensor predicts the film within {worst:.2%} of its peak to peak: both are well bonded.",
-        "fair": f"The flex sensor predicts the film within {worst:.1%} of its peak to peak; below 2 % is good.",
-        "bad": f"The flex sensor misses the film by {worst:.0%} of its peak to peak: a bond or a channel is suspect.",
+        "good": f"The flex sensor predicts the film within {worst:.2%} of its rms: both are well bonded.",
+        "fair": f"The flex sensor predicts the film within {worst:.1%} of its rms; below 2 % is good.",
+        "bad": f"The flex sensor misses the film by {worst:.0%} of its rms: a bond or a channel is suspect.",
     }[verdict]
     if reduced > _POOR:
         said += f" The ratio departs from its law by more than noise (chi2_red {reduced:.3g}); intervals are widened."
