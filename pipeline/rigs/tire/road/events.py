@@ -153,13 +153,17 @@ def _runs(beyond: np.ndarray, time: np.ndarray, rotation: np.ndarray) -> list[tu
     a short event between two passages is lower on both.
     """
     core = np.zeros(beyond.size, dtype=bool)
+    rho = _correlation(beyond)
     turns = np.concatenate([[math.inf], np.diff(time) * np.minimum(rotation[1:], rotation[:-1]) / (2.0 * math.pi)])
     for count in (2, 3):
         if beyond.size < count:
             break
         windows = np.lib.stride_tricks.sliding_window_view(beyond, count)
         least = (np.sign(windows[:, :1]) * windows).min(axis=1)
-        enough = (least > 0.5) & (np.abs(windows.sum(axis=1)) >= math.sqrt(2.0 * count))
+        # Revolutions whose errors go together weigh less together.
+        widened = math.sqrt(1.0 + 2.0 * sum((1.0 - k / count) * rho**k for k in range(1, count)))
+        enough = (least > 0.5) & (np.abs(windows.sum(axis=1)) >= widened * math.sqrt(2.0 * count))
+        enough |= least >= 1.0
         enough &= np.lib.stride_tricks.sliding_window_view(turns, count)[:, 1:].max(axis=1) < _REACH + 0.5
         for i in np.flatnonzero(enough):
             core[i : i + count] = True
@@ -174,6 +178,16 @@ def _runs(beyond: np.ndarray, time: np.ndarray, rotation: np.ndarray) -> list[tu
                 continue
         found.append([int(i), int(i)])
     return [(a, b) for a, b in found]
+
+
+def _correlation(values: np.ndarray) -> float:
+    """Return how a revolution goes with the next, 0 to 0.9, by signs alone: events and wild values count no more."""
+    small = np.abs(values) < 0.75
+    both = small[1:] & small[:-1]
+    if np.count_nonzero(both) < _FEWEST_IN_WINDOW:
+        return 0.0
+    agreeing = float(np.mean(np.sign(values[1:][both] * values[:-1][both])))
+    return float(np.clip(math.sin(0.5 * math.pi * agreeing), 0.0, 0.9))
 
 
 def _event(
