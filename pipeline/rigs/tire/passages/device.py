@@ -215,12 +215,13 @@ class _Gatherer:
             place = int(places[self._run]) + row + done - int(starts[self._run])
             count = min(ends - row - done, rows - done)
             while count:
-                if self._filled and (
-                    place >= self._first + self._size or place - self._first - self._filled > self._silence
-                ):
+                silent = place - self._first - self._filled > self._silence
+                if self._filled and silent:
                     yield self._piece(place)
-                if not self._filled and (not self._begun or place - self._first > self._silence):
+                if not self._begun or silent:
                     self._first, self._begun = place, True
+                while place >= self._first + self._size:
+                    yield self._piece(place)
                 at = place - self._first
                 now = min(count, self._size - at)
                 for channel, values in enumerate(volts):

@@ -63,17 +63,12 @@ def passage_findings(device: Device, course: Course, waveform: Waveform | None) 
         _nothing(found, device, course)
         return (*packets, *found)
     _order(found, device, course)
-    if waveform is not None and waveform.rejected:
-        total = waveform.rejected + waveform.revolutions
-        found.add(
-            "warning" if waveform.rejected > 0.1 * total else "note",
-            f"{counted(waveform.rejected, 'revolution')} of {total} unlike the others: left out of the average.",
-            "flex_voltage",
-        )
     if not _exchanged(found, device, course, gated):
         _signals(found, device, course, gated)
         if not device.on_road:
             _steady(found, device, course)
+    if all(finding.level != "error" for finding in found):
+        _outlying(found, waveform)
     return (*packets, *found)
 
 
@@ -99,6 +94,17 @@ class _Findings:
 
     def __iter__(self) -> Iterator[QualityFinding]:
         return iter(self._all)
+
+
+def _outlying(found: _Findings, waveform: Waveform | None) -> None:
+    """Say how many revolutions the average left out."""
+    if waveform is not None and waveform.rejected:
+        total = waveform.rejected + waveform.revolutions
+        found.add(
+            "warning" if waveform.rejected > 0.1 * total else "note",
+            f"{counted(waveform.rejected, 'revolution')} of {total} unlike the others: left out of the average.",
+            "flex_voltage",
+        )
 
 
 def _broken(found: _Findings, device: Device, course: Course) -> None:

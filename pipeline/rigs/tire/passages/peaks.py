@@ -100,9 +100,7 @@ def _contrast(window: np.ndarray, step: float) -> tuple[float, float, bool]:
     valid = window[np.isfinite(window)]
     if valid.size < 20:
         return float("nan"), float("nan"), False
-    low, base, high = np.quantile(valid, [0.2, 0.5, 0.995])
-    if np.mean(valid > 0.5 * (base + high)) > 0.3:
-        base = low
+    base, high = np.quantile(valid, [0.5, 0.995])
     rest = valid[valid < 0.5 * (base + high)]
     spread = 1.4826 * float(np.median(np.abs(rest - base))) if rest.size else np.inf
     stands_out = high - base > max(_STANDS_OUT * spread, _CODES * step)
