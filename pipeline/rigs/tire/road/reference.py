@@ -18,6 +18,8 @@ from pipeline.rigs.tire.road.revolution_fit import Forces
 _G0 = 9.80665
 _FEWEST = 10
 _SURE = 5.0
+# Revolutions on either side that tell the wheel's acceleration.
+_AROUND = 4
 # Unit -> what a reference speed in it is of the speed in m/s; None: over the rotation in rad/s instead.
 _SPEED_UNITS = {"m/s": 1.0, "km/h": 3.6, "mph": 2.2369, "knots": 1.9438}
 _ROTATION_UNITS = {"rad/s": 1.0, "rpm": 30.0 / math.pi, "Hz (turns per second)": 0.5 / math.pi}
@@ -274,8 +276,10 @@ def _direction(
     Re: float,
 ) -> tuple[str, str]:
     """Tell whether Fx has the sign of what drives the car: the reference, its acceleration, or the wheel's own."""
-    apart = np.gradient(forces.time) if forces.time.size > 1 else np.ones(forces.time.size)
-    own = np.gradient(Re * forces.speed) / apart if forces.time.size > 2 else np.full(forces.time.size, np.nan)
+    own = np.full(forces.time.size, np.nan)
+    if forces.time.size > 2 * _AROUND:
+        change = forces.speed[2 * _AROUND :] - forces.speed[: -2 * _AROUND]
+        own[_AROUND:-_AROUND] = Re * change / (forces.time[2 * _AROUND :] - forces.time[: -2 * _AROUND])
     for what, against in (
         ("longitudinal_force", reference),
         ("longitudinal_acceleration", acceleration),
