@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.rigs.tire.bench.identifiability import contact_lengths, ratios, statements, told
+from pipeline.rigs.tire.bench.identifiability import contact_lengths, ratios, scale_doubt, statements, told
 from pipeline.rigs.tire.bench.ring_fit import fit_ring
 from pipeline.rigs.tire.bench.ring_model import NAMES, SCALED, RingModel, Unknowns
 from pipeline.rigs.tire.bench.ring_run import Known, RingRun, incoherent_error, weights
@@ -198,6 +198,13 @@ def test_a_sensor_ten_per_cent_longer_than_told_is_found():
     found = fit_ring(_runs(truth=replace(TRUTH, sensor_length=0.055)), KNOWN)
     assert found.values.sensor_length == pytest.approx(0.055, rel=2e-3)
     assert any("measure its length" in s for s in statements(found, judged(found)))
+
+
+def test_a_load_in_kilograms_shows_as_a_belt_too_narrow(fit):
+    runs = [replace(run, load=run.load / 9.80665, load_se=run.load_se / 9.80665) for run in _runs()]
+    found = fit_ring(runs, KNOWN)
+    assert "kg" in scale_doubt(found)
+    assert scale_doubt(fit) == ""
 
 
 def test_a_parameter_that_ends_at_its_bound_is_not_told():

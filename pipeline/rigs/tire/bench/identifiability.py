@@ -18,7 +18,10 @@ from pipeline.rigs.tire.bench.ring_verdict import RingVerdict
 _LIMIT = 0.25
 # What counts as a size where the value itself may be zero.
 _LEAST = {"loss_factor": 0.02, "sensor_lag": 2e-4}
-_FEWEST_LOADS, _FEWEST_SPEEDS = 3, 2
+_FEWEST_SPEEDS = 2
+# How far (in logarithms) the belt's width may be from what was expected.
+_WIDTH = 0.3
+_G0 = 9.80665
 # All that keeps the same waveforms when it grows together; the tread nearly.
 _SCALE = (*SCALED, "sensor_gain")
 PARAMETERS = tuple(name for name in NAMES if name != "sensor_length")
@@ -109,6 +112,23 @@ def ratios(fit: RingFit, verdict: RingVerdict) -> tuple[Combination, ...]:
     return tuple(found)
 
 
+def scale_doubt(fit: RingFit) -> str:
+    """Return what speaks against the scale of the fitted stiffnesses: a belt far wider or narrower than expected.
+
+    Load, pressure and width enter as F/(p0 b): a wrong unit of load or pressure shows here and nowhere else.
+    """
+    expected = fit.known.belt_width
+    if expected is None or fit.scale_held or fit.known.belt_width_u is not None:
+        return ""
+    ratio = fit.values.belt_width / expected
+    if abs(math.log(ratio)) < _WIDTH:
+        return ""
+    found = f"the fit wants a belt of {1e3 * fit.values.belt_width:.0f} mm, {1e3 * expected:.0f} mm were expected"
+    if abs(math.log(ratio * _G0)) < _WIDTH:
+        return f"{found}: the load looks like kg taken for N, or the pressure is ten times too large"
+    return f"{found}: look at the inflation pressure and at the unit and gain of the load cell"
+
+
 def statements(fit: RingFit, verdict: RingVerdict) -> tuple[str, ...]:
     """Return in sentences what the runs determine and what they do not."""
     if not verdict.fits:
@@ -135,6 +155,9 @@ def statements(fit: RingFit, verdict: RingVerdict) -> tuple[str, ...]:
         f"{c.text} = {c.value:.5g} (+-{c.std_error / c.value:.1%}) is determined although its members are not."
         for c in ratios(fit, verdict)
     ]
+    doubt = scale_doubt(fit)
+    if doubt:
+        spoken.append(doubt[0].upper() + doubt[1:] + ".")
     prior = fit.known.sensor_length
     shift = (fit.values.sensor_length - prior) / prior
     if abs(shift) > 2.0 * fit.known.sensor_length_u:

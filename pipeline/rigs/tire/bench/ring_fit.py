@@ -30,6 +30,8 @@ _AGREE = 1e-3
 _FEWEST_BINS = 64
 # Where neither loads nor anything else set the scale, the belt's width is held about as well as one can guess it.
 _GUESS_U = 0.1
+# How well the ends of the contact are known between the nodes of its mesh, in steps.
+_EDGE = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -406,7 +408,8 @@ def _run_fit(
     # scales it.
     slope = slopes[g].copy()
     slope[own + 1] = -slope[[NAMES.index(name) for name in SCALED]].sum()
-    variance = float(slope @ covariance @ slope) + (model.known.R_u * contact.length) ** 2
+    mesh = _EDGE * 2.0 * math.pi * model.known.R / contact.theta.size
+    variance = float(slope @ covariance @ slope) + (model.known.R_u * contact.length) ** 2 + mesh**2
     angle = float(x[own])
     return RunFit(
         run=run.run,
