@@ -167,7 +167,7 @@ def _revolutions(found: Campaign, run: BenchRun) -> dict[str, Any]:
 
 def _volts(run: BenchRun, change: np.ndarray | float) -> np.ndarray:
     """Return the voltage of a change of R2 from its mean over that of the mean, V."""
-    VIN, R1, R0 = run.device.supply_voltage, run.device.divider_resistance, run.waveform.level
+    VIN, R1, R0 = run.device.supply_voltage, run.device.divider_resistance, run.level
     return np.asarray(
         divider_voltage(np.asarray(R0 + np.asarray(change)), VIN, R1) - divider_voltage(np.asarray(R0), VIN, R1)
     )
@@ -176,16 +176,16 @@ def _volts(run: BenchRun, change: np.ndarray | float) -> np.ndarray:
 def _peak(found: Campaign, run: BenchRun) -> dict[str, Any]:
     marks, fit = found.features[run.name], found.calibration
     place = next((i for i, p in enumerate(fit.points) if p.run == run.name), None) if fit is not None else None
-    reading = (
-        fit.load_of(marks.value.peak, run.waveform.revolutions) if fit is not None and fit.curve is not None else None
-    )
+    peak = marks.value.peak + run.lift
+    able = fit is not None and fit.curve is not None and math.isfinite(peak)
+    reading = fit.load_of(peak, run.waveform.revolutions) if fit is not None and able else None
     return {
         "run": run.name,
-        "load": run.load,
+        "load": run.load - found.friction.get(run.name, 0.0),
         "load_sd": run.load_se,
-        "peak": marks.value.peak,
+        "peak": peak,
         "peak_sd": marks.error.peak,
-        "voltage": float(_volts(run, marks.value.peak)),
+        "voltage": float(_volts(run, peak)),
         "residual": float(fit.residuals[place]) if fit is not None and place is not None else math.nan,
         "read_load": reading.load if reading else math.nan,
         "read_low": reading.low if reading else math.nan,

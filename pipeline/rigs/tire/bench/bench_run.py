@@ -18,10 +18,14 @@ from pipeline.rigs.tire.passages.revolutions import Revolutions, joined, revolut
 from pipeline.rigs.tire.passages.waveform import Waveform, averaged
 
 _ROAD = "road"
-# A nominal value is what somebody set: taken for a measured one it is uncertain by that share.
-NOMINAL_U = 0.02
+# A load that was set and not measured: what all runs share, and what differs from run to run (relative).
+NOMINAL_U, _NOMINAL_SCATTER = 0.02, 0.003
 _FEWEST = 3
 _FREE = 50.0
+
+
+class FreeSpinError(InputError):
+    """The wheel turned without load: nothing is wrong, and there is nothing to fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +79,7 @@ class BenchRun:
     def load_se(self) -> float:
         """Standard error of `load`, N, without the error of the load cell's gain."""
         error = self.reference.std_error(LOAD)
-        return error if math.isfinite(error) else NOMINAL_U * self.load
+        return error if math.isfinite(error) else _NOMINAL_SCATTER * self.load
 
     @property
     def nominal_load(self) -> float:
@@ -91,6 +95,19 @@ class BenchRun:
             return told
         measured = self.reference.value(SPEED)
         return round(measured, 2) if math.isfinite(measured) else round(0.32 * self.rotation, 2)
+
+    @property
+    def level(self) -> float:
+        """R0, ohm: mean of the revolution, of a gated log as stated; NaN where neither is known."""
+        told = self.device.sensor_resistance
+        return self.waveform.level if math.isfinite(self.waveform.level) else math.nan if told is None else told
+
+    @property
+    def lift(self) -> float:
+        """By how much the mean of what is recorded lies over R0, ohm: nothing unless the log is gated; NaN without R0."""
+        if math.isfinite(self.waveform.level):
+            return 0.0
+        return float(np.nanmean(self.waveform.mean - self.waveform.change)) - self.level
 
     @property
     def peak(self) -> float:
@@ -115,6 +132,11 @@ def bench_run(recording: Recording) -> BenchRun:
     blocks = list(revolutions_of(device))
     course = course_of(blocks)
     if sum(len(block) for block in blocks) < _FEWEST:
+        load = recording.conditions.get("nominal_load")
+        if isinstance(load, int | float) and load < _FREE:
+            raise FreeSpinError(
+                f"run '{recording.run}' is a free spin (nominal_load {load:g} N): without load there is no passage and nothing to fit"
+            )
         findings = passage_findings(device, course, None)
         raise InputError(_no_passage(recording, findings))
     revolutions = joined(blocks)
@@ -135,12 +157,6 @@ def bench_run(recording: Recording) -> BenchRun:
 
 
 def _no_passage(recording: Recording, findings: tuple[QualityFinding, ...]) -> str:
-    load = recording.conditions.get("nominal_load")
-    if isinstance(load, int | float) and load < _FREE:
-        return (
-            f"run '{recording.run}' is a free spin (nominal_load {load:g} N): without load there is no passage and nothing to fit; R0 comes "
-            "from the mean of every other run"
-        )
     first = next((f.message for f in findings if f.level == "error"), "")
     return first or (
         f"run '{recording.run}' shows fewer than {_FEWEST} passages of the flex sensor: expected one high peak a revolution. Look whether the "

@@ -29,8 +29,12 @@ from pipeline.rigs.tire.ring.sensor import highest_order
 # Rolling radius by the tire's size instead of a measured one: so uncertain (relative).
 _BY_SIZE_U = 0.01
 _USUAL_RADIUS = 0.317
+# A tire's rolling radius lies this close to the one by its size (relative).
+_BELIEVED = 0.015
 # One run in so many may be at fault where the ring does not fit; the others must be more than that.
 _MOST_OUT, _FEWEST_LEFT = 4, 3
+_ALONE = 4.0
+_OPEN = 0.9
 # Asymmetry of the dips in standard errors and over the peak, from which on it is told.
 _SURE, _LOPSIDED = 5.0, 0.003
 
@@ -47,6 +51,10 @@ class Campaign:
         Marks of each averaged waveform, by run.
     uncalibrated, unfitted
         Runs that are not in the calibration, in the ring fit, with the reason.
+    friction
+        By how much the load cell reads too much in each run, N; empty unless loading up and down tells.
+    size_doubted
+        Whether the rolling radius contradicts the tire's size.
     odd, misfit
         Runs off the curve of the others; those that the others' ring does not fit.
     """
@@ -55,6 +63,7 @@ class Campaign:
     runs: list[BenchRun]
     left_out: dict[str, str] = field(default_factory=dict)
     findings: list[QualityFinding] = field(default_factory=list)
+    size_doubted: bool = False
     line: SpeedLine | None = None
     no_line: str = ""
     radius: float = _USUAL_RADIUS
@@ -63,6 +72,7 @@ class Campaign:
     odd: list[Odd] = field(default_factory=list)
     calibration: Calibration | None = None
     uncalibrated: dict[str, str] = field(default_factory=dict)
+    friction: dict[str, float] = field(default_factory=dict)
     ring: RingFit | None = None
     verdict: RingVerdict | None = None
     no_ring: str = ""
@@ -73,8 +83,8 @@ class Campaign:
 
     @property
     def free_radius(self) -> float:
-        """Ro, m: by the tire's size, else what a tire of this rolling radius has."""
-        if self.tire.free_radius is not None:
+        """Ro, m: by the tire's size where that is believed, else what a tire of this rolling radius has."""
+        if self.tire.free_radius is not None and not self.size_doubted:
             return self.tire.free_radius
         return 0.5 * self.radius / expected_radius(1.0)
 
@@ -93,8 +103,10 @@ def campaign_of(tire: Tire, runs: Sequence[BenchRun]) -> Campaign:
     odd = {one.run for one in found.odd}
     even = [run for run in found.runs if run.name not in odd]
     found.findings += [*shared_offset(even), *hysteresis(even), *_nominal(found.runs), *_mirrored(found)]
-    _fit_ring(found)
     _calibrate(found)
+    _fit_ring(found)
+    if found.misfit:
+        _calibrate(found)
     _fit_film(found)
     return found
 
@@ -110,6 +122,7 @@ def _roll(found: Campaign) -> None:
         value, error = found.line.radius.value, found.line.radius.std_error
         if value is not None and error is not None:
             found.radius, found.radius_u = value, error / value
+            _hold_against_size(found)
             return
     if diameter is not None:
         found.radius = expected_radius(diameter)
@@ -120,6 +133,20 @@ def _roll(found: Campaign) -> None:
         f"diameters a turn), {100 * _BY_SIZE_U:g} % uncertain. Log the surface speed of drum or belt"
     )
     found.findings.append(QualityFinding("warning", text, None, "road_speed"))
+
+
+def _hold_against_size(found: Campaign) -> None:
+    """Doubt a tire size that the rolling radius contradicts: it sets the scale of the ring."""
+    free = found.tire.free_radius
+    if free is None or abs(found.radius / expected_radius(2.0 * free) - 1.0) <= _BELIEVED:
+        return
+    found.size_doubted = True
+    text = (
+        f"the tire rolls on {1e3 * found.radius:.1f} mm, and {found.tire.size} of free radius {1e3 * free:.1f} mm on about "
+        f"{1e3 * expected_radius(2.0 * free):.1f} mm: tire_size or road_speed is wrong. The ring fit takes {1e3 * found.free_radius:.1f} mm as free radius instead. "
+        "Read the size off the side wall"
+    )
+    found.findings.append(QualityFinding("warning", text))
 
 
 def _look_for_odd(found: Campaign) -> None:
@@ -135,8 +162,7 @@ def _look_for_odd(found: Campaign) -> None:
 def _marks(run: BenchRun, marks: Features) -> Marks:
     film = run.waveform.film
     swing = float(np.nanmax(film) - np.nanmin(film)) if film is not None and np.isfinite(film).any() else math.nan
-    peak = marks.value.peak if math.isfinite(run.waveform.level) else math.nan
-    return Marks(run.name, run.load, run.rotation, peak, swing, marks.value.deformation)
+    return Marks(run.name, run.load, run.rotation, marks.value.peak + run.lift, swing, marks.value.deformation)
 
 
 def _mirrored(found: Campaign) -> list[QualityFinding]:
@@ -184,25 +210,33 @@ def _calibrate(found: Campaign) -> None:
         if not at_usual_pressure(run, found.tire):
             found.uncalibrated[run.name] = "it was made at another inflation pressure"
             continue
-        if not math.isfinite(run.waveform.level):
+        if not math.isfinite(run.level):
             found.uncalibrated[run.name] = "the mean of its revolution is not known, as part of it is not recorded"
             continue
         marks = found.features[run.name]
         whole = run.revolutions.whole
         points.append(
             PeakPoint(
-                run.name, run.load, run.load_se, marks.value.peak, marks.error.peak, run.nominal_load, run.rotation * found.radius,
+                run.name, run.load, run.load_se, marks.value.peak + run.lift, marks.error.peak, run.nominal_load, run.rotation * found.radius,
                 float(np.std(run.revolutions.amplitude[whole])) if whole.sum() > 2 else 0.0, way if min(ways) < 0 else 0,
             )
         )  # fmt: skip
     first = found.runs[0].device
-    levels = [run.waveform.level for run in found.runs if math.isfinite(run.waveform.level)]
+    levels = [run.level for run in found.runs if math.isfinite(run.level)]
     level = float(np.mean(levels)) if levels else first.divider_resistance
     masses = [mass for run in found.runs if (mass := run.told("moving_mass")) is not None]
     found.calibration = calibrate(
         points, level, first.supply_voltage, first.divider_resistance, load_gain_u=found.tire.load_gain_u, mass=masses[0] if masses else None
     )  # fmt: skip
     found.uncalibrated.update(found.calibration.left_out)
+    friction = found.calibration.friction
+    if (
+        friction is not None
+        and friction.value is not None
+        and friction.ci95 is not None
+        and not friction.ci95[0] <= 0.0 <= friction.ci95[1]
+    ):
+        found.friction = {run.name: way * friction.value for run, way in zip(found.runs, ways, strict=True)}
 
 
 def _direction(name: str) -> int:
@@ -223,7 +257,7 @@ def _fit_ring(found: Campaign) -> None:
         if not math.isfinite(run.load) or run.load <= 0.0:
             found.unfitted[run.name] = "its load is not known"
         else:
-            runs.append(_ring_run(run, tire))
+            runs.append(_ring_run(run, tire, found.friction.get(run.name, 0.0)))
     if not runs:
         found.no_ring = (
             f"no run has a load and a waveform that can be used ({listing(dict.fromkeys(found.unfitted.values()), 3)})"
@@ -238,6 +272,7 @@ def _fit_ring(found: Campaign) -> None:
         belt_width=tire.belt_width,
         pressure_u=tire.pressure_u,
         load_gain_u=tire.load_gain_u,
+        outer_radius_u=_BY_SIZE_U if found.size_doubted or tire.free_radius is None else tire.free_radius_u,
     )
     try:
         found.ring = fit_ring(runs, known)
@@ -253,6 +288,8 @@ def _fit_ring(found: Campaign) -> None:
 def _without_the_worst(found: Campaign, runs: list[RingRun], known: Known) -> None:
     """Look whether the model fits once a run or two are taken out: then those are at fault and not the model."""
     left, ring = runs, found.ring
+    if ring is None or not _stands_alone([run.band_chi2_reduced for run in ring.runs]):
+        return
     out: list[str] = []
     while ring is not None and len(out) < max(len(runs) // _MOST_OUT, 1) and len(left) > _FEWEST_LEFT:
         worst = max(ring.runs, key=lambda run: run.band_chi2_reduced).run
@@ -272,16 +309,25 @@ def _without_the_worst(found: Campaign, runs: list[RingRun], known: Known) -> No
             return
 
 
-def _ring_run(run: BenchRun, tire: Tire) -> RingRun:
+def _stands_alone(misfits: list[float]) -> bool:
+    """Tell whether one run fits much worse than the others do."""
+    return len(misfits) > _FEWEST_LEFT and max(misfits) > _ALONE * float(np.median(misfits))
+
+
+def _ring_run(run: BenchRun, tire: Tire, friction: float) -> RingRun:
     height = HEIGHT in run.reference.means
+    wave = run.waveform
+    # Angles that a gated log holds in some revolutions only are those where noise opened the gate.
+    recorded = wave.count > _OPEN * np.median(wave.count[wave.count > 0])
+    gated = not math.isfinite(wave.level)
     return RingRun(
         run=run.name,
-        theta=run.waveform.theta,
-        resistance=run.waveform.mean,
-        std_error=run.waveform.std_error,
-        load=run.load,
+        theta=wave.theta,
+        resistance=np.where(recorded, wave.mean, math.nan) if gated else wave.mean,
+        std_error=wave.std_error,
+        load=run.load - friction,
         load_se=run.load_se,
-        rotation=run.waveform.speed,
+        rotation=wave.speed,
         pressure=pressure_of(run, tire),
         nominal_load=run.nominal_load,
         nominal_speed=run.nominal_speed,

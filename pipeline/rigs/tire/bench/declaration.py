@@ -33,6 +33,12 @@ class BenchSettings(Settings):
         le=0.2,
         description="relative standard uncertainty of the flex sensor's length where a run states none: prior of the ring fit",
     )
+    free_radius_u: float = Field(
+        0.005,
+        ge=0,
+        le=0.1,
+        description="relative standard uncertainty of the free radius, half the nominal diameter of tire_size (type B)",
+    )
 
 
 _FIT = "3.2, T1-T3; 5.8"
@@ -62,7 +68,7 @@ PARAMETERS = (
     ParameterSpec("pvdf_gain", "G'", "V/ohm", "gain of the PVDF over the flex sensor, G h/(2c)", "T8; 5.10"),
     ParameterSpec("pvdf_time_constant", r"\tau_p", "s", "time constant of the PVDF's readout", "T8; 5.10"),
     ParameterSpec("pvdf_offset_angle", r"\Delta\theta", "rad", "angle by which the PVDF runs ahead of the flex sensor", "T8; 5.10"),
-    ParameterSpec("pvdf_nrmse", "NRMSE", "1", "rms of PVDF measured less predicted from flex, over its peak to peak", "5.10"),
+    ParameterSpec("pvdf_nrmse", "NRMSE", "1", "rms of PVDF measured less predicted from flex, over its own rms", "5.10"),
     ParameterSpec("packet_loss", "p", "1", "share of the radio's packets that are missing", "5.1"),
 )  # fmt: skip
 

@@ -10,7 +10,7 @@ from pipeline.findings import Findings, ModelResult, Quality, Run
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.tire.bench.arrays import arrays_of
-from pipeline.rigs.tire.bench.bench_run import BenchRun, bench_run
+from pipeline.rigs.tire.bench.bench_run import BenchRun, FreeSpinError, bench_run
 from pipeline.rigs.tire.bench.campaign import Campaign, campaign_of
 from pipeline.rigs.tire.bench.declaration import BenchSettings
 from pipeline.rigs.tire.bench.faults import errors_of, run_faults
@@ -27,6 +27,7 @@ class _Sorted:
     runs: list[BenchRun] = field(default_factory=list)
     others: list[BenchRun] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
+    aside: dict[str, str] = field(default_factory=dict)
     quality: list[QualityFinding] = field(default_factory=list)
 
 
@@ -60,6 +61,7 @@ def identify(recordings: Sequence[Recording], settings: BenchSettings, context: 
     for campaign, other in context.uses.items():
         text = f"campaign '{campaign}' ({other.experiment}) was handed over and is not used: the bench uses no other findings"
         quality.append(QualityFinding("note", text))
+    not_used = {**runs.aside, **runs.left_out}
     return Findings(
         campaign=context.campaign,
         experiment="tire.bench",
@@ -70,7 +72,7 @@ def identify(recordings: Sequence[Recording], settings: BenchSettings, context: 
         published=published(parameters, found.runs, found.tire),
         quality=[Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in quality],
         runs=[
-            Run(run=r.run, used=r.run not in runs.left_out, reason=runs.left_out.get(r.run, ""), conditions=dict(r.conditions))
+            Run(run=r.run, used=r.run not in not_used, reason=not_used.get(r.run, ""), conditions=dict(r.conditions))
             for r in recordings
         ],
         advice=said.advice,
@@ -82,6 +84,10 @@ def _sort(recording: Recording, runs: _Sorted) -> None:
     """Find the numbers of one run, or why it has none."""
     try:
         run = bench_run(recording)
+    except FreeSpinError as error:
+        runs.aside[recording.run] = str(error)
+        runs.quality.append(QualityFinding("note", str(error), recording.run))
+        return
     except InputError as error:
         runs.left_out[recording.run] = str(error)
         runs.quality.append(QualityFinding("error", f"left out: {error}", recording.run))
@@ -98,9 +104,9 @@ def _sort(recording: Recording, runs: _Sorted) -> None:
 
 def _nothing_usable(runs: _Sorted, context: Context) -> str:
     """Say why no run can be used: the first reason, and how many others there are."""
-    if not runs.left_out:
+    if not (runs.left_out or runs.aside):
         return f"campaign '{context.campaign}': there is no run."
-    (first, reason), *others = runs.left_out.items()
+    (first, reason), *others = {**runs.left_out, **runs.aside}.items()
     more = (
         f" {counted(len(others), 'more run')} cannot be used either: {listing([run for run, _ in others], 8)}."
         if others

@@ -15,7 +15,7 @@ G0 = 9.80665
 _UNITS = {1.0 / G0: "kg", 1e-3: "kN", 1.0 / (1e3 * G0): "t", 0.2248089: "lbf", 0.1: "daN", 1e3: "mN"}
 _NEAR = 0.05
 # Further from the load as set than that is told; less than the second share apart is friction of the guides or a tare.
-_AS_SET, _MOST_TARE = 0.05, 0.35
+_AS_SET, _MOST_TARE = 0.05, 0.5
 # Runs set alike whose readings differ by more than that while their peaks do not.
 _HYSTERESIS, _ALIKE_SPEED = 0.02, 0.05
 # No tire's peak grows by more than that with the load, V/N: ten times the published sensitivity is kg.

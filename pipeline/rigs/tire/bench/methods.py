@@ -96,5 +96,5 @@ def _film() -> str:
     return (
         "The PVDF was compared with the flex sensor order by order: V_p,n/R2_n = G' e^(i n dtheta) S(n L_p)/S(n Ls) i n Ω tau_p (1 + i n Ω "
         "tau_f)/(1 + i n Ω tau_p), S(n L) = sin y/y with y = n L/(2R). G', tau_p, tau_f and dtheta were fitted to all runs with errors in both signals, and the "
-        "voltage predicted from the flex sensor's waveform; the rms of its misfit over the peak to peak is told for each run."
+        "voltage predicted from the flex sensor's waveform; the rms of its misfit over that of the voltage is told for each run."
     )

@@ -20,6 +20,8 @@ _SPECS = {spec.name: spec for spec in PARAMETERS}
 _LENGTHS = {"deformation_length": "deformation", "slope_length": "slope", "zero_length": "zero"}
 _MARKS = {"peak_resistance": "peak", "dip_leading": "dip_leading", "dip_trailing": "dip_trailing"}
 _CALIBRATION = ("load_sensitivity", "calibration_0", "calibration_1", "calibration_2")
+# Reduced chi-square of the PVDF's ratio to the flex sensor above which it is no constant law.
+_LAWLESS = 4.0
 _SOURCES = {
     "pressure": "inflation pressure",
     "load_gain": "load cell",
@@ -146,6 +148,7 @@ def _of_runs(found: Campaign) -> list[Estimate]:
     rows = []
     for run in found.runs:
         at: dict[str, float | str | bool] = {"run": run.name}
+        lift = run.lift
         marks, wave = found.features[run.name], run.waveform
         if math.isfinite(wave.level):
             rows.append(
@@ -156,8 +159,8 @@ def _of_runs(found: Campaign) -> list[Estimate]:
             reason = "part of the revolution is never recorded, so that its mean is not known"
             rows.append(undetermined("sensor_resistance", reason, at))
         for name, field in _MARKS.items():
-            value, error = getattr(marks.value, field), getattr(marks.error, field)
-            if math.isfinite(value) and math.isfinite(wave.level):
+            value, error = getattr(marks.value, field) + lift, getattr(marks.error, field)
+            if math.isfinite(value):
                 rows.append(estimate(name, value, error, dof=marks.groups - 1, at=at))
             else:
                 rows.append(
@@ -177,7 +180,15 @@ def _calibration(found: Campaign) -> list[Estimate]:
 def _film(found: Campaign) -> list[Estimate]:
     if found.film is None:
         return [undetermined(name, found.no_film) for name in FILM]
-    rows = [found.film.estimates[name] for name in FILM]
+    rejected = found.verdict is not None and not found.verdict.fits and found.film.chi2_reduced > _LAWLESS
+    rows = [
+        undetermined(
+            name, "the flex sensor does not follow its model, see the ring fit, nor does the PVDF's ratio to it"
+        )
+        if rejected
+        else found.film.estimates[name]
+        for name in FILM
+    ]
     rows += [Estimate("pvdf_nrmse", run.nrmse, at={"run": run.run}) for run in found.film.runs]
     return rows + [undetermined("pvdf_nrmse", why, {"run": run}) for run, why in found.film.left_out.items()]
 

@@ -92,9 +92,9 @@ def _set_aside(name: str, reason: str) -> str:
 
 def _unusable(time: np.ndarray, values: np.ndarray, inside: np.ndarray, span: tuple[float, float]) -> str:
     """Say why a channel gives no mean over a span, empty where it does."""
+    if not time.size:
+        return "its table is empty"
     finite = np.isfinite(values)
-    if not finite.any():
-        return "it holds no number"
     own = (float(time[0]), float(time[-1]))
     covered = min(own[1], span[1]) - max(own[0], span[0])
     if covered <= _COVERED * (span[1] - span[0]):
@@ -103,6 +103,8 @@ def _unusable(time: np.ndarray, values: np.ndarray, inside: np.ndarray, span: tu
             f"its table runs from {own[0]:.4g} to {own[1]:.4g} s and the wheel's passages from {span[0]:.4g} to {span[1]:.4g} s, so that they "
             f"{shared}: the two clocks differ, or the files belong to different runs"
         )
+    if not finite.any():
+        return "it holds no number"
     good = inside & finite
     if good.sum() < max(_FEWEST, _EMPTY * inside.sum()):
         return f"only {int(good.sum())} of its {int(inside.sum())} samples while the wheel turned are numbers"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,8 +11,9 @@ import numpy as np
 
 from pipeline.errors import InputError, listing
 from pipeline.recording import QualityFinding
-from pipeline.rigs.tire.bench.bench_run import BenchRun
+from pipeline.rigs.tire.bench.bench_run import NOMINAL_U, BenchRun
 from pipeline.rigs.tire.bench.declaration import BenchSettings
+from pipeline.rigs.tire.bench.reference import LOAD
 from pipeline.rigs.tire.tire_size import tire_size
 
 # Pressures that differ by more are two (relative); temperatures that differ by more change the gain (K).
@@ -30,8 +32,8 @@ class Tire:
         Ro, half the nominal diameter of `size`.
     sensor_length, film_length, belt_width
         As stated.
-    sensor_length_u, pressure_u, load_gain_u
-        Relative standard uncertainties, of the runs or of the settings.
+    sensor_length_u, pressure_u, load_gain_u, free_radius_u
+        Relative standard uncertainties, of the runs or of the settings; that of the loads is larger where they were only set.
     pressure
         Pressure of most of the runs.
     """
@@ -45,6 +47,7 @@ class Tire:
     sensor_length_u: float = 0.04
     pressure_u: float = 0.01
     load_gain_u: float = 0.005
+    free_radius_u: float = 0.005
 
     @property
     def length(self) -> float:
@@ -89,6 +92,7 @@ def one_tire(runs: Sequence[BenchRun], settings: BenchSettings) -> OneTire:
     pressure = _usual([run.told("inflation_pressure") for run in kept], _PRESSURE)
     size = next((str(run.conditions["tire_size"]) for run in kept if radii[run.name] is not None), None)
     widths = [width for run in kept if (width := run.told("belt_width")) is not None]
+    any_set = any(LOAD not in run.reference.means and math.isfinite(run.load) for run in kept)
     tire = Tire(
         size=size,
         free_radius=radius,
@@ -98,7 +102,8 @@ def one_tire(runs: Sequence[BenchRun], settings: BenchSettings) -> OneTire:
         pressure=pressure,
         sensor_length_u=_most(kept, "sensor_length_u", settings.sensor_length_u),
         pressure_u=_most(kept, "pressure_u", settings.pressure_u),
-        load_gain_u=_most(kept, "load_gain_u", settings.load_gain_u),
+        load_gain_u=max(_most(kept, "load_gain_u", settings.load_gain_u), NOMINAL_U if any_set else 0.0),
+        free_radius_u=settings.free_radius_u,
     )
     findings += _unstated(tire, kept)
     findings += _pressures(tire, kept)

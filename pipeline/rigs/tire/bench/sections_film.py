@@ -8,7 +8,7 @@ from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Status, Table
 from pipeline.rigs.tire.bench.sections_waveform import ANGLE, Blocks, of_run, shown, shown_runs, title_of
 
-# Of the measured voltage's peak to peak: less is good, more than the second is a warning.
+# Of the rms of the measured voltage: less is good, more than the second is a warning.
 GOOD, BAD = 0.02, 0.10
 _REACH = 0.25 * math.pi
 
@@ -64,7 +64,11 @@ def of_film(findings: Findings) -> Blocks:
 def _apart(findings: Findings) -> set[int]:
     """Return which of the shown runs have the lowest and highest load and speed: the spectra of the others lie between."""
     table = findings.arrays["runs"].head(len(shown_runs(findings)))
-    return {int(found) for name in ("load", "speed") for found in (table[name].argmin(), table[name].argmax())}
+    return {
+        int(found)
+        for name in ("load", "speed")
+        for found in (table[name].fillna(0.0).argmin(), table[name].fillna(0.0).argmax())
+    }
 
 
 def _table(findings: Findings) -> Blocks:
@@ -85,7 +89,7 @@ def _table(findings: Findings) -> Blocks:
     return [
         Table(
             "film_misfit", "Misfit of the prediction by run",
-            f"Rms of measured less predicted over the measured voltage's peak to peak; below {100 * GOOD:.0f} % is good, above {100 * BAD:.0f} % the "
+            f"Rms of measured less predicted over the rms of the measured voltage; below {100 * GOOD:.0f} % is good, above {100 * BAD:.0f} % the "
             "sensors contradict each other.",
             [Column("run"), Column("NRMSE", "%"), Column("")], rows,
         )

@@ -48,7 +48,8 @@ def of_run(table: pd.DataFrame, run: str) -> pd.DataFrame:
 def title_of(findings: Findings, run: str) -> str:
     """Return a run's name with its load and speed."""
     row = of_run(findings.arrays["runs"], run).iloc[0]
-    return f"{run}: {row['load']:.0f} N, {3.6 * row['speed']:.3g} km/h"
+    load = f"{row['load']:.0f} N" if math.isfinite(row["load"]) else "unknown load"
+    return f"{run}: {load}, {3.6 * row['speed']:.3g} km/h"
 
 
 def shown(parameter: Parameter | None) -> Value:
@@ -115,7 +116,7 @@ def _three_units(findings: Findings) -> Blocks:
     runs = findings.arrays["runs"]
     if runs.empty:
         return []
-    run = str(runs.iloc[(runs["load"] - runs["load"].median()).abs().argmin()]["run"])
+    run = str(runs.iloc[int(runs["load"].rank(na_option="bottom").argsort().iloc[len(runs) // 2])]["run"])
     own = of_run(table, run)
     own = own[own["angle"].abs() <= _REACH]
     x = own["angle"].to_numpy()

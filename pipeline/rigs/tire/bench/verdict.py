@@ -8,6 +8,7 @@ ok        none of these.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -65,15 +66,29 @@ def judge(
         said.warn(f"Run {run} is left out: {ended(reason)}")
     if len(left_out) > _TOLD:
         said.warn(f"{counted(len(left_out) - _TOLD, 'more run')} are left out, see the quality findings.")
-    grave = [q for q in quality if q.level != "note" and q.run not in left_out]
-    for finding in grave[:_TOLD]:
-        said.warn(ended(f"Run {finding.run}: {finding.message}" if finding.run else finding.message))
+    grave = _together([q for q in quality if q.level != "note" and q.run not in left_out])
+    for sentence in grave[:_TOLD]:
+        said.warn(sentence)
     if len(grave) > _TOLD:
         said.warn(f"{counted(len(grave) - _TOLD, 'more warning')} stand among the quality findings.")
     _next(said, found)
     said.reasons = list(dict.fromkeys(said.reasons))
     said.advice = list(dict.fromkeys(said.advice))
     return said
+
+
+def _together(findings: Sequence[QualityFinding]) -> list[str]:
+    """Return sentences; findings that differ by their numbers only are told once, with the runs that they are of."""
+    groups: dict[str, list[QualityFinding]] = {}
+    for finding in findings:
+        groups.setdefault(re.sub(r"[-+]?\d[\d.e+-]*", "#", finding.message), []).append(finding)
+    told = []
+    for same in groups.values():
+        first = same[0]
+        also = listing(list(dict.fromkeys(q.run for q in same[1:] if q.run and q.run != first.run)), 4)
+        text = ended(f"Run {first.run}: {first.message}" if first.run else first.message)
+        told.append(f"{text} The like of {also}." if len(same) > 1 and also != "none" else text)
+    return told
 
 
 def _ring(said: Judgement, found: Campaign) -> None:
