@@ -29,7 +29,7 @@ KMH = 1.0 / 3.6
 # Half a minute with driving, braking and one event: enough for what a fault makes of it.
 SHORT: dict[str, Any] = {
     "duration": 24.0,
-    "speeds": [[0.0, 40 * KMH], [8.0, 40 * KMH], [11.0, 60 * KMH], [16.0, 60 * KMH], [19.0, 40 * KMH]],
+    "speeds": [[0.0, 30 * KMH], [8.0, 30 * KMH], [11.0, 48 * KMH], [16.0, 48 * KMH], [19.0, 30 * KMH]],
     "pulses": [[5.0, 1.2, 600.0]],
 }
 
@@ -90,7 +90,7 @@ def test_random_errors_cover_the_truth():
     ):
         off = table[name] - motion.at(quantity, table["time"].to_numpy())
         within = (off.abs() < 1.96 * evidence[random])[evidence["fits"]]
-        assert 0.90 < within.mean() <= 0.99
+        assert within.mean() > 0.92
         assert (table[f"{name}_se"].dropna() >= evidence[random][table[f"{name}_se"].notna()] - 1e-9).all()
 
 
@@ -142,7 +142,7 @@ def test_without_a_bench_only_the_speed_is_told():
     table = found.arrays["revolutions"]
     assert table["vertical_load"].isna().all()
     assert table["longitudinal_force_filtered"].isna().all()
-    assert table["speed"].median() == pytest.approx(50 * KMH, rel=0.3)
+    assert table["speed"].median() == pytest.approx(39 * KMH, rel=0.3)
     assert (table["speed_se"] > 0.009 * table["speed"]).all()
     parameter = found.one("load_rms_error", run="road")
     assert parameter.value is None
@@ -195,9 +195,21 @@ def test_a_colder_sensor_is_told():
     assert "temperature?" in messages(found, "warning")
 
 
-def test_another_resistor_than_stated_is_told():
+def test_another_resistor_than_stated_withholds_the_forces():
     found = short(divider_resistance=12e3, told={"divider_resistance": 1e4})
     assert "another resistor R1" in messages(found, "warning")
+    assert found.arrays["revolutions"]["vertical_load"].isna().all()
+    assert found.arrays["revolutions"]["speed"].notna().mean() > 0.9
+
+
+def test_a_short_drive_without_fault_is_ok():
+    assert short().verdict == "ok"
+
+
+def test_a_log_that_runs_backward_gives_no_longitudinal_force():
+    found = short(time_reversed=True, references=False)
+    assert "rotation sense or sign of Fx reversed" in messages(found, "warning")
+    assert found.arrays["revolutions"]["longitudinal_force"].isna().all()
 
 
 @pytest.mark.parametrize(

@@ -181,7 +181,12 @@ class _Said:
     def withhold(self, message: str) -> None:
         """Say why there are no forces."""
         self.reason = self.reason or message
-        self.findings.append(QualityFinding("warning", f"no load and no force: {message}", self.run))
+        self.findings.append(withheld(self.run, message))
+
+
+def withheld(run: str, reason: str) -> QualityFinding:
+    """Return what is said where load and force of a drive are withheld."""
+    return QualityFinding("warning", f"no load and no force: {reason}", run)
 
 
 def _size_of(bench: BenchTire) -> TireSize | None:

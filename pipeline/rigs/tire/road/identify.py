@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from pipeline.errors import InputError, counted, listing
 from pipeline.findings import Findings, Quality, Run
 from pipeline.recording import QualityFinding, Recording
@@ -17,6 +19,7 @@ from pipeline.rigs.tire.road.handed_over import Chosen, chosen
 from pipeline.rigs.tire.road.models import models_of
 from pipeline.rigs.tire.road.parameters import parameters_of
 from pipeline.rigs.tire.road.published import published
+from pipeline.rigs.tire.road.revolution_fit import REASONS
 from pipeline.rigs.tire.road.run_numbers import Libraries, RunNumbers, numbers_of
 from pipeline.rigs.tire.road.verdict import judge
 
@@ -104,10 +107,19 @@ def _sort(
     errors = [q.message for q in found if q.level == "error"]
     if errors or not numbers.usable.any():
         runs.quality += found
-        runs.leave_out(recording.run, errors[0] if errors else "no revolution of it can be used")
+        runs.leave_out(recording.run, errors[0] if errors else _none_usable(numbers, found))
         return
     runs.quality += [*found, *faults_of(numbers)]
     runs.numbers.append(numbers)
+
+
+def _none_usable(numbers: RunNumbers, found: Sequence[QualityFinding]) -> str:
+    """Say why no revolution of a drive gives a number."""
+    counts = np.bincount(numbers.forces.reason, minlength=len(REASONS))
+    commonest = REASONS[int(np.argmax(counts[1:])) + 1] if counts[1:].any() else ""
+    why = f" ({commonest})" if commonest else ""
+    warned = next((q.message for q in found if q.level == "warning"), "")
+    return f"none of its {len(numbers.forces)} revolutions can be used{why}." + (f" {warned}" if warned else "")
 
 
 def _nothing_usable(runs: _Sorted, recordings: Sequence[Recording], context: Context) -> str:

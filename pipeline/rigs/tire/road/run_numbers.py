@@ -17,7 +17,7 @@ from pipeline.rigs.tire.road.carried_errors import calibrated, parts
 from pipeline.rigs.tire.road.debonding import Bonding, Step, debonding
 from pipeline.rigs.tire.road.declaration import RoadSettings
 from pipeline.rigs.tire.road.events import Event, events
-from pipeline.rigs.tire.road.handed_over import Carried, Chosen, RoadTire, carried
+from pipeline.rigs.tire.road.handed_over import Carried, Chosen, RoadTire, carried, withheld
 from pipeline.rigs.tire.road.library import WaveformLibrary, library
 from pipeline.rigs.tire.road.noise_spectrum import NoiseSpectrum
 from pipeline.rigs.tire.road.record import References, references_of
@@ -28,13 +28,20 @@ from pipeline.rigs.tire.road.systematic import systematic
 from pipeline.rigs.tire.road.tracking import Track, track
 
 Progress = Callable[[float], None]
+# The flex sensor came off where it answers less than this share of before.
+_OFF = 0.9
+# R0 that differs from the bench's by more is no matter of temperature.
+_OTHER_RESISTANCE = 0.10
+# Accelerations (m/s^2) at which a wheel neither drives nor brakes, and the share of the load that rolling resistance
+# and wind never reach: half of what hysteresis makes of a mirrored waveform (2 r/s = 0.15, tire.md 3.5).
+_STEADY, _ROLLING = 0.3, 0.07
 # A reference that seems so many seconds off is not compared.
 _APART = 0.1
 # So many revolutions tell a slope.
 _FEWEST = 20
 REVERSED = (
-    "driving makes the trailing dip deeper, not the leading one: rotation sense or sign of Fx reversed (sensor order, a log that runs "
-    "backward, or a reference with the other sign)"
+    "driving makes the trailing dip deeper, not the leading one, or the wheel seems to brake at constant speed: rotation sense or sign of "
+    "Fx reversed (a sensor or tire mounted the other way, a log that runs backward, or a reference with the other sign)"
 )
 
 
@@ -196,6 +203,10 @@ def numbers_of(
     came_off = _came_off(bonding)
     if came_off is not None:
         forces = replace(forces, fits=forces.fits & (forces.time < came_off.time))
+    if reason := _other_resistance(held, forces):
+        held = replace(held, tire=None, reason=reason)
+        held = replace(held, findings=(*held.findings, withheld(recording.run, reason)))
+        forces = replace(forces, fits=np.zeros(len(forces), dtype=bool))
     references = references_of(recording)
     common = _common(held, known, forces)
     radius = held.radius
@@ -216,7 +227,7 @@ def numbers_of(
         bonding=bonding,
         references=references,
         comparison=compared,
-        direction=compared.direction if compared is not None else own_direction(forces, radius.value)[0],
+        direction=_direction(forces, compared, radius.value),
         asymmetry=asymmetry,
         noise=noise,
         findings=(*held.findings, *references.findings),
@@ -318,8 +329,37 @@ def _ratio(forces: Forces, held: Carried, course: Course) -> np.ndarray:
 
 
 def _came_off(bonding: Bonding | None) -> Step | None:
-    """Return the first step by which the flex sensor answers less than the film."""
-    return next((step for step in bonding.steps if step.share < 1.0), None) if bonding is not None else None
+    """Return the first step by which the flex sensor answers clearly less than the film."""
+    return next((step for step in bonding.steps if step.share < _OFF), None) if bonding is not None else None
+
+
+def _other_resistance(held: Carried, forces: Forces) -> str:
+    """Say that R0 is far from the bench's, so that no gain of it holds; '' where it is not."""
+    known = forces.resistance[np.isfinite(forces.resistance)]
+    bench = held.tire.bench.resistance if held.tire is not None else None
+    if bench is None or not known.size or abs(float(np.median(known)) / bench - 1.0) < _OTHER_RESISTANCE:
+        return ""
+    R0 = float(np.median(known))
+    return (
+        f"R0 is {R0:.5g} ohm here and {bench:.5g} ohm on the bench ({100 * (R0 / bench - 1.0):+.1f} %): another resistor R1, supply or "
+        "sensor than stated, and the bench's gain in ohm does not hold. Check divider_resistance, supply_voltage and adc_reference."
+    )
+
+
+def _braked_at_constant_speed(forces: Forces, radius: float) -> bool:
+    """Whether the wheel seems to brake hard at constant speed: hysteresis does that to a waveform that runs backward."""
+    known = forces.fits & np.isfinite(forces.speed)
+    if known.sum() < _FEWEST or not math.isfinite(radius):
+        return False
+    acceleration = np.gradient(radius * forces.speed[known], forces.time[known])
+    steady = np.abs(acceleration) < _STEADY
+    share = forces.force[known][steady] / forces.load[known][steady]
+    return bool(steady.sum() >= _FEWEST and np.median(share) < -_ROLLING)
+
+
+def _direction(forces: Forces, compared: Comparison | None, radius: float) -> str:
+    told = compared.direction if compared is not None else own_direction(forces, radius)[0]
+    return "wrong" if _braked_at_constant_speed(forces, radius) else told
 
 
 def _compared(forces: Forces, references: References, held: Carried, device: Device) -> Comparison | None:
