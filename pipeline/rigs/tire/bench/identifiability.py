@@ -10,8 +10,8 @@ import math
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.estimation.identifiability import Combination
-from pipeline.rigs.tire.bench.ring_fit import RingFit
 from pipeline.rigs.tire.bench.ring_model import NAMES, SCALED, SIZES
+from pipeline.rigs.tire.bench.ring_result import RingFit
 from pipeline.rigs.tire.bench.ring_verdict import RingVerdict
 
 # A larger relative standard error is no determination.

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.rigs.tire.bench.ring_fit import RingFit
+from pipeline.rigs.tire.bench.ring_result import RingFit
 
 Level = Literal["ok", "doubt", "rejected"]
 
