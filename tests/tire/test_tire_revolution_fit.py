@@ -136,6 +136,7 @@ def test_a_revolution_that_is_no_passage_is_named_and_not_reported():
     assert not forces.fits[40]
     assert "shape" in REASONS[forces.reason[40]]
     assert not forces.fits[60]
+    assert np.array_equal(forces.speed, block.speed)
     assert np.isnan(forces.load[60])
 
 

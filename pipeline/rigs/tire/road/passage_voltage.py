@@ -34,12 +34,29 @@ class PassageBlock(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Passages:
-    """Revolutions on `ANGLES` angles, in V; `fine` and `weight` are those of the bins they are merged from."""
+    """Revolutions on `ANGLES` angles, shape (m, ANGLES), in V.
+
+    Attributes
+    ----------
+    time, time_se, speed, speed_se, told_speed
+        Passage (s) and rotation (rad/s), shape (m,); `speed` is a usual one where none is told.
+    voltage, missing
+        Mean in each angle, V, and whether it holds too few samples.
+    weight
+        Of each bin that was merged, summing up to 1, shape (m, ANGLES, bins/ANGLES).
+    film
+        Of the film, V; None without one.
+    usable
+        Whether a revolution is worth fitting, shape (m,).
+    noise_guess
+        Standard deviation of the voltage from angle to angle, V: scale of the noise before its spectrum is known.
+    """
 
     time: np.ndarray
     time_se: np.ndarray
     speed: np.ndarray
     speed_se: np.ndarray
+    told_speed: np.ndarray
     voltage: np.ndarray
     weight: np.ndarray
     missing: np.ndarray
@@ -71,11 +88,14 @@ def passages_of(block: PassageBlock, known: WaveformLibrary) -> Passages:
     if block.film is not None and known.tire.film is not None:
         found = np.where(np.isfinite(block.film), block.film, 0.0).reshape(weight.shape)
         film = (found * weight).sum(axis=2)
-    usable = block.whole & (missing.mean(axis=1) < 1.0 - LEAST_SHARE) & np.isfinite(block.speed) & (block.speed > 0.0)
-    speed = np.where(usable, block.speed, 1.0)
+    turning = np.isfinite(block.speed) & (block.speed > 0.0)
+    usable = block.whole & (missing.mean(axis=1) < 1.0 - LEAST_SHARE) & turning
+    speed = np.where(turning, block.speed, np.median(block.speed[turning]) if turning.any() else 1.0)
     between = np.diff(voltage[usable], axis=1)
     guess = max(1e-9, float(np.median(np.abs(between))) / 0.954) if between.size else 1.0
-    return Passages(block.times, block.time_se, speed, block.speed_se, voltage, weight, missing, film, usable, guess)
+    return Passages(
+        block.times, block.time_se, speed, block.speed_se, block.speed, voltage, weight, missing, film, usable, guess
+    )
 
 
 def together(parts: list[Passages]) -> Passages:
@@ -84,7 +104,7 @@ def together(parts: list[Passages]) -> Passages:
     def stacked(name: str) -> np.ndarray:
         return np.concatenate([getattr(part, name) for part in parts])
 
-    names = ("time", "time_se", "speed", "speed_se", "voltage", "weight", "missing", "usable")
+    names = ("time", "time_se", "speed", "speed_se", "told_speed", "voltage", "weight", "missing", "usable")
     film = None if any(part.film is None for part in parts) else stacked("film")
     guess = float(np.median([part.noise_guess for part in parts]))
     return Passages(**{name: stacked(name) for name in names}, film=film, noise_guess=guess)

@@ -223,7 +223,7 @@ class RevolutionFit:
         return Forces(
             time=data.time,
             time_se=data.time_se,
-            speed=data.speed,
+            speed=data.told_speed,
             speed_se=data.speed_se,
             load=seen(state.load),
             load_se=seen(sd[:, 0]),
