@@ -109,3 +109,21 @@ def test_passages_lost_in_a_silence_are_put_between_their_neighbours():
     assert np.std(np.diff(found.times)) < 5e-3
     assert not found.whole[found.repaired].any()
     assert any("lost in gaps" in finding.message for finding in findings)
+
+
+def test_a_gain_that_drifts_while_the_film_does_not_is_named():
+    findings = judged(runs=("load_2000",), gain_drift=-0.2)[2]
+    assert [f.level for f in findings] == ["warning"]
+    assert "amplitude drifts by -19%" in findings[0].message or "amplitude drifts by -18%" in findings[0].message
+
+
+def test_spikes_of_single_samples_do_not_break_the_chain():
+    (recording,) = synthesize_bench({"runs": ["load_2000"], "duration": 10.0}, 1)
+    codes = recording.values("flex_code")
+    at = np.random.default_rng(1).integers(10, codes.size - 10, 40)
+    codes[at] = 4095.0
+    device = device_of(recording)
+    found = joined(revolutions_of(device))
+    assert len(found) == 12
+    assert found.whole.all()
+    assert any("spikes of single samples left out" in f.message for f in passage_findings(device, found, None))

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.rigs.tire.passages.chains import chains_of
 from pipeline.rigs.tire.passages.device import Device, Piece
 from pipeline.rigs.tire.passages.moments import Moments, moments_of
-from pipeline.rigs.tire.passages.peaks import coarse, humps_of, pointing
+from pipeline.rigs.tire.passages.peaks import coarse, humps_of, pointing, without_spikes
 from pipeline.rigs.tire.passages.resistance import in_upper_leg
 from pipeline.rigs.tire.passages.revolutions import Revolutions, joined, none_of
 from pipeline.rigs.tire.passages.tables import Mounting, tabulated
@@ -35,7 +35,8 @@ class Follower:
 
     def take(self, piece: Piece, *, last: bool) -> Revolutions:
         """Return the revolutions that are complete with this piece."""
-        stretch = self._with_tail(piece)
+        flex, spikes = without_spikes(piece.flex)
+        stretch = self._with_tail(replace(piece, flex=flex))
         flex, rate, step = stretch.flex, stretch.rate, self._device.step
         means, size = coarse(flex, rate)
         if not self._sign:
@@ -73,6 +74,7 @@ class Follower:
             ),
             open=self._open(stretch),
             doubled=doubled,
+            spikes=spikes,
             polarity=mounting.polarity,
             upper_leg=mounting.upper_leg,
             swing=found.swing,

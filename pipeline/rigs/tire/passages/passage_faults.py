@@ -21,7 +21,7 @@ Course = Revolutions
 _GATED_SHARE, _GATED_PATCH = 0.75, 0.9
 _SKEWED, _EVEN = 2.0, 1.2
 _FIRST_HARMONIC = 0.02
-_DRIFT, _SCATTER = 0.01, 0.02
+_DRIFT, _SCATTER, _GAIN_DRIFT = 0.01, 0.02, 0.04
 _FEWEST = 6
 _DEAD = 5.0
 _HUM = 1.0
@@ -158,6 +158,8 @@ def _order(found: _Findings, device: Device, course: Course) -> None:
         )
     if course.doubled:
         found.add("note", f"{counted(course.doubled, 'double peak')} dropped.", "flex_voltage")
+    if course.spikes:
+        found.add("note", f"{counted(course.spikes, 'spike')} of single samples left out.", "flex_voltage")
     spans = [(a, b) for a, b in course.stops if b - a > 0.0]
     for begin, end in spans[:10]:
         found.add(
@@ -307,15 +309,14 @@ def _drifting(found: _Findings, device: Device, course: Course, good: np.ndarray
 
     drift, level = trend(course.level[good])
     growth, height = trend(course.amplitude[good])
-    if abs(drift) < _DRIFT * level:
-        return
     VIN, R1 = device.supply_voltage, device.divider_resistance
     first, last = level - 0.5 * drift, level + 0.5 * drift
     volts = [VIN * r / (R1 + r) for r in (first, last, first + height)]
     sag = volts[1] / volts[0]
     then = sag * volts[2]
     expected = (R1 * then / (VIN - then) - last - height) if then < VIN else math.inf
-    if abs(growth) > 0.01 * height and abs(growth - expected) < _LIKE_SAG * abs(expected):
+    sags = abs(drift) > _DRIFT * level and abs(growth) > 0.01 * height
+    if sags and abs(growth - expected) < _LIKE_SAG * abs(expected):
         found.add(
             "warning",
             f"ratiometric reference missing: level and amplitude move together as if the supply had changed by {sag - 1.0:+.1%} "
@@ -323,8 +324,33 @@ def _drifting(found: _Findings, device: Device, course: Course, good: np.ndarray
             "flex_voltage",
         )
         return
+    _gain_drift(found, device, course, good, u)
+    if abs(drift) < _DRIFT * level:
+        return
     found.add(
         "warning",
         f"R0 drifts by {drift / level:+.1%} over the run (temperature, self-heating): R0 drift removed; gain drift cannot be.",
         "flex_voltage",
     )
+
+
+def _gain_drift(found: _Findings, device: Device, course: Course, good: np.ndarray, u: np.ndarray) -> None:
+    """Say whether the flex sensor's amplitude drifts against the film's; `u` is time over the run's length."""
+    if not device.has_film or course.film_amplitude is None:
+        return
+    film = course.film_amplitude[good]
+    if not np.all(np.isfinite(film) & (film > _DEAD * device.step)):
+        return
+    ratio = course.amplitude[good] / film
+    speed = course.speed[good] / course.speed[good].mean() - 1.0
+    if np.ptp(speed) > _SCATTER and abs(np.corrcoef(u, speed)[0, 1]) > 0.7:
+        return  # The film grows with the speed: one cannot be told from the other.
+    columns = np.column_stack([np.ones(u.size), u, speed])
+    change = float(np.linalg.lstsq(columns, ratio, rcond=None)[0][1] / ratio.mean())
+    if abs(change) > _GAIN_DRIFT:
+        found.add(
+            "warning",
+            f"flex sensor amplitude drifts by {change:+.0%} over the run against PVDF: its gain drifts (temperature), or its bond "
+            "creeps. What is averaged over the run is doubtful.",
+            "flex_voltage",
+        )

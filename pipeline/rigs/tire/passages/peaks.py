@@ -22,6 +22,8 @@ _STANDS_OUT, _CODES = 5.0, 3.0
 # A hump lower than this share of both its neighbourhoods is none.
 _LEAST_HEIGHT = 0.35
 _NEIGHBOURS = 5
+# A single sample that differs from both neighbours by so many swings of the signal is a spike.
+_SPIKE = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +45,22 @@ def coarse(flex: np.ndarray, rate: float) -> tuple[np.ndarray, int]:
 
     size = max(1, round(rate / _BLOCKS))
     return without_gaps(block_means(flex, size), int(_BRIDGED * rate / size)), size
+
+
+def without_spikes(flex: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return the samples without single ones that stand out by more than the signal ever swings, and how many they were."""
+    valid = flex[np.isfinite(flex)]
+    if valid.size < 20:
+        return flex, 0
+    swing = float(np.subtract(*np.quantile(valid[:: max(1, valid.size // 100_000)], [0.995, 0.005])))
+    alone = np.abs(flex[1:-1] - 0.5 * (flex[:-2] + flex[2:])) > _SPIKE * max(swing, 0.02)
+    # Beside a spike the mean of the neighbours is wrong: a sample counts only if it differs from both of them.
+    alone &= (np.abs(flex[1:-1] - flex[:-2]) > _SPIKE * swing) & (np.abs(flex[1:-1] - flex[2:]) > _SPIKE * swing)
+    if not alone.any():
+        return flex, 0
+    cleaned = flex.copy()
+    cleaned[1:-1][alone] = np.nan
+    return cleaned, int(alone.sum())
 
 
 def pointing(means: np.ndarray, size: int, rate: float, step: float) -> int:

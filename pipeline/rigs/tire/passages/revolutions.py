@@ -58,8 +58,10 @@ class Revolutions:
         Largest swing of the flex voltage where there is no revolution at all, V; NaN otherwise.
     doubled
         Candidates that were dropped as doubles.
-    polarity
-        +1, -1, or 0 where there was no passage yet.
+    spikes
+        Single samples that were left out because they stand out by more than the signal swings.
+    polarity, upper_leg
+        +1, -1, or 0 where there was no passage yet; whether the sensor is in the divider's upper leg.
     """
 
     times: np.ndarray
@@ -88,6 +90,7 @@ class Revolutions:
     open: tuple[tuple[float, float], ...] = ()
     swing: float = float("nan")
     doubled: int = 0
+    spikes: int = 0
     polarity: int = 0
     upper_leg: bool = False
 
@@ -125,6 +128,7 @@ def joined(blocks: Iterable[Revolutions]) -> Revolutions:
         parts[-1],
         **together,
         doubled=sum(part.doubled for part in parts),
+        spikes=sum(part.spikes for part in parts),
         swing=max(swings, default=float("nan")),
     )
 
