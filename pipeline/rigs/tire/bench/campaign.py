@@ -15,10 +15,10 @@ from pipeline.rigs.tire.bench.bench_run import BenchRun
 from pipeline.rigs.tire.bench.calibration import Calibration, PeakPoint, calibrate
 from pipeline.rigs.tire.bench.load_faults import hysteresis, shared_offset
 from pipeline.rigs.tire.bench.outliers import Marks, Odd, odd_runs
-from pipeline.rigs.tire.bench.pvdf_fit import FilmFit, FilmRun, fit_film
+from pipeline.rigs.tire.bench.pvdf_fit import FilmFit, FilmRun, fit_film, quiet_error
 from pipeline.rigs.tire.bench.reference import HEIGHT, LOAD
 from pipeline.rigs.tire.bench.ring_fit import RingFit, fit_ring
-from pipeline.rigs.tire.bench.ring_run import Known, RingRun
+from pipeline.rigs.tire.bench.ring_run import Known, RingRun, noise_error
 from pipeline.rigs.tire.bench.ring_verdict import RingVerdict, judged
 from pipeline.rigs.tire.bench.same_tire import Tire, at_usual_pressure, pressure_of
 from pipeline.rigs.tire.bench.speed_faults import odd_radii
@@ -324,7 +324,7 @@ def _ring_run(run: BenchRun, tire: Tire, friction: float) -> RingRun:
         run=run.name,
         theta=wave.theta,
         resistance=np.where(recorded, wave.mean, math.nan) if gated else wave.mean,
-        std_error=wave.std_error,
+        std_error=noise_error(wave.theta, wave.mean, wave.groups, wave.std_error),
         load=run.load - friction,
         load_se=run.load_se,
         rotation=wave.speed,
@@ -341,7 +341,14 @@ def _fit_film(found: Campaign) -> None:
     tire = found.tire
     unsound = {one.run for one in found.odd if one.cause == "sensor"} | found.misfit
     runs = [
-        FilmRun(run.name, wave.speed, wave.mean, wave.std_error, wave.film, wave.film_se)
+        FilmRun(
+            run.name,
+            wave.speed,
+            wave.mean,
+            noise_error(wave.theta, wave.mean, wave.groups, wave.std_error),
+            wave.film,
+            quiet_error(wave.film, wave.film_se),
+        )
         for run in found.runs
         if (wave := run.waveform).film is not None and wave.film_se is not None and run.name not in unsound
     ]

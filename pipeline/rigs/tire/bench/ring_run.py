@@ -116,6 +116,12 @@ def incoherent_error(theta: np.ndarray, mean: np.ndarray, groups: np.ndarray) ->
     return np.asarray(np.sqrt((count - 1) / count * (off**2).sum(axis=1)))
 
 
+def noise_error(theta: np.ndarray, mean: np.ndarray, groups: np.ndarray, std_error: np.ndarray) -> np.ndarray:
+    """Return `incoherent_error` where the groups give it, the plain standard error otherwise, shape (n,)."""
+    found = incoherent_error(theta, mean, groups)
+    return std_error if found is None else found
+
+
 def weights(run: RingRun) -> np.ndarray:
     """Return one over the standard error of each bin, 1/ohm, smoothed; 0 where there is no value, shape (n,)."""
     good = np.isfinite(run.resistance) & np.isfinite(run.std_error) & (run.std_error > 0.0)
