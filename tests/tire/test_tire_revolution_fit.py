@@ -14,7 +14,7 @@ from pipeline.rigs.tire.road.library import UNKNOWNS, library
 from pipeline.rigs.tire.road.missing_bins import fill
 from pipeline.rigs.tire.road.noise_spectrum import NoiseSpectrum
 from pipeline.rigs.tire.road.passage_voltage import ANGLES, passages_of
-from pipeline.rigs.tire.road.revolution_fit import REASONS
+from pipeline.rigs.tire.road.revolution_fit import REASONS, RevolutionFit
 from pipeline.rigs.tire.road.systematic import systematic
 from pipeline.rigs.tire.synthetic.truth import road_truth
 
@@ -128,8 +128,6 @@ def test_a_revolution_that_is_no_passage_is_named_and_not_reported():
     theta = np.linspace(-np.pi, np.pi, R2.shape[1], endpoint=False)
     R2[40] += 3000.0 * np.exp(-(((theta - 1.2) / 0.1) ** 2))
     R2[60, 300:700] = np.nan
-    from pipeline.rigs.tire.road.revolution_fit import RevolutionFit
-
     fit = RevolutionFit(known_library())
     parts = [fit.add(replace(block, resistance=R2)), fit.close()]
     forces = next(part for part in parts if part is not None)
@@ -210,3 +208,24 @@ def test_the_covariance_of_a_step_is_the_scatter_under_the_noise_that_it_is_give
     predicted = np.sqrt(step.covariance[0, 0, 0]), np.sqrt(step.covariance[0, 1, 1])
     assert np.std(step.state.load) == pytest.approx(predicted[0], rel=0.15)
     assert np.std(step.state.force) == pytest.approx(predicted[1], rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        lambda block: {"whole": np.zeros_like(block.whole)},
+        lambda block: {"speed": np.full_like(block.speed, np.nan)},
+        lambda block: {"count": np.zeros_like(block.count)},
+        lambda block: {"resistance": np.full_like(block.resistance, 1e4)},
+        lambda block: {"resistance": np.full_like(block.resistance, 1e8)},
+        lambda block: {"resistance": 2e4 - block.resistance},
+    ],
+)
+def test_blocks_without_a_passage_give_no_number(spoilt):
+    block = passages(1, ())[1][0][:40]
+    fit = RevolutionFit(known_library())
+    assert fit.add(replace(block, **spoilt(block))) is None
+    forces = fit.close()
+    assert len(forces) == 40
+    assert not forces.fits.any()
+    assert not np.isfinite(fit.residual[0]) or fit.residual[0] > 0.0

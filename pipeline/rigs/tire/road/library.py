@@ -5,7 +5,6 @@ The ring is that of the bench's findings. Lag and film are put on later, exactly
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -170,10 +169,3 @@ def library(tire: CalibratedTire, most: float | None = None) -> WaveformLibrary:
     return WaveformLibrary(
         tire, float(top), (loads, peaks), by_load, by_force, by_load.derivative(), by_force.derivative()
     )
-
-
-def highest_peak_load(known: WaveformLibrary) -> float:
-    """Return the load (N) from which the peak grows no more: above it only the dips tell the load."""
-    loads, peaks = known.peaks
-    turn = int(np.argmax(peaks))
-    return float(loads[turn]) if turn < loads.size - 1 else math.inf

@@ -22,7 +22,6 @@ class NoiseSpectrum:
         self.memory = memory
         self.power = np.zeros(_EDGES.size - 1)
         self.count = np.zeros(_EDGES.size - 1)
-        self.revolutions = 0.0
 
     @property
     def known(self) -> bool:
@@ -62,7 +61,6 @@ class NoiseSpectrum:
             # Manoeuvres leave a little over in a few revolutions; the median of a periodogram is ln 2 of its mean.
             self.power[i] += some.size * float(np.median(some)) / np.log(2.0)
             self.count[i] += some.size
-        self.revolutions = fade * self.revolutions + frequency.shape[0]
 
     def density(self, frequency: np.ndarray) -> np.ndarray:
         """Return the density, V^2/Hz, at frequencies (Hz, any shape), interpolated in logarithms.

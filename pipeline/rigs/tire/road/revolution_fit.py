@@ -122,11 +122,14 @@ class RevolutionFit:
     def residual(self) -> tuple[float, float]:
         """What is left over of the mean waveform after the fits, rms over that of the signal, and its standard error.
 
-        A share well above its error is a shape that the ring does not have: the forces err by about that share.
+        A share well above its error is a shape that the ring does not have: the forces err by about that share. NaN
+        where no revolution was fitted.
         """
         seen = np.maximum(self._seen, 1.0)
         mean, signal = self._left_over / seen, self._signal / seen
         scale = float(np.sqrt(np.mean((signal - signal.mean()) ** 2)))
+        if not scale > 0.0:
+            return float("nan"), float("nan")
         noise = float(np.sqrt(np.trapezoid(self.noise.values, self.noise.frequency))) if self.noise.known else np.nan
         return float(np.sqrt(np.mean(mean**2))) / scale, noise / np.sqrt(seen.mean()) / scale
 
