@@ -168,7 +168,7 @@ def plain_fit(runs: list[RingRun]) -> tuple[float, float]:
     first = np.concatenate([start, *([0.0, 1.0] for _ in runs)])
     low = np.concatenate([start - np.log(10.0), *([-0.2, 0.5] for _ in runs)])
     high = np.concatenate([start + np.log(10.0), *([0.2, 1.5] for _ in runs)])
-    found = least_squares(residual, first, bounds=(low, high), diff_step=1e-5, x_scale="jac")
+    found = least_squares(residual, first, bounds=(low, high), diff_step=[1e-5] * first.size, x_scale="jac")
     return float(np.exp(found.x[0])), float(np.exp(found.x[2]))
 
 

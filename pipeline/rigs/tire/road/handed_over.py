@@ -109,11 +109,7 @@ def chosen(uses: Mapping[str, Findings]) -> Chosen:
             notes.append(QualityFinding("note", f"the bench campaign '{name}' is not used: {other}."))
     bench = bench_tire(whole[0], benches[whole[0]])
     if bench.verdict == "warning":
-        why = benches[bench.campaign].reasons
-        told = next((text for text in why if "synthetic rig" not in text), "").rstrip(".")
-        notes.append(
-            QualityFinding("warning", f"the bench campaign '{bench.campaign}' itself carries a warning: {told}.")
-        )
+        notes.append(QualityFinding("warning", _doubt(benches[bench.campaign])))
     return Chosen(bench, "", tuple(notes))
 
 
@@ -163,6 +159,14 @@ def carried(choice: Chosen, run: str, conditions: Mapping[str, Condition]) -> Ca
     pressure = ratio * (bench.pressure or math.nan)
     tire = _built(bench, own, pressure, conditions, ratio, uncertain, correction)
     return Carried(tire, "", radius, tuple(said.findings))
+
+
+def _doubt(bench: Findings) -> str:
+    """Say what the bench campaign itself is warned of."""
+    told = [q.message if q.run is None else f"run {q.run}: {q.message}" for q in bench.quality if q.level == "warning"]
+    told = told or [text for text in bench.reasons if "synthetic rig" not in text][-1:] or ["see its report"]
+    more = f" ({len(told) - 1} more)" if len(told) > 1 else ""
+    return f"the bench campaign '{bench.campaign}' itself carries a warning: {told[0].rstrip('.')}{more}."
 
 
 class _Said:

@@ -59,7 +59,13 @@ def judge(
         said.warn(f"{counted(len(left_out) - _TOLD, 'more run')} are left out, see the quality findings.")
     grave = [q for q in quality if q.level != "note" and q.run not in left_out]
     for finding in grave[:_TOLD]:
-        said.warn(_ended(f"Run {finding.run}: {finding.message}" if finding.run else finding.message.capitalize()))
+        said.warn(
+            _ended(
+                f"Run {finding.run}: {finding.message}"
+                if finding.run
+                else finding.message[:1].upper() + finding.message[1:]
+            )
+        )
     if len(grave) > _TOLD:
         said.warn(f"{counted(len(grave) - _TOLD, 'more warning')} stand among the quality findings.")
     _advise(said, with_forces)
