@@ -40,7 +40,7 @@ _LENGTH_STEP = 3e-2
 _OWN = 4
 # Rotation within a turn, unseen between two passages, is even to this share at 10 km/h; a disturbing torque moves a slow
 # drum more, as one over the speed squared.
-UNEVEN = 5e-5
+UNEVEN = 1e-4
 _USUAL_ROTATION = 8.76
 # Half the nominal diameter is not the free radius of this very tire, nor is the height's zero exact.
 _HEIGHT_OFFSET = 1e-3
