@@ -33,6 +33,11 @@ def findings() -> Findings:
     return identified(logs())
 
 
+def few_logs() -> tuple[Recording, ...]:
+    """Return the five of them that tell most."""
+    return tuple(log for log in logs() if log.run in ("load_1000", "load_1500", "load_2000", "load_3000", "speed_20"))
+
+
 def variant(name: str) -> Recording:
     """Return the log of a run with a fault."""
     return synthesize_bench({"runs": [], "variants": [name], "duration": 20.0}, 3)[0]
@@ -59,3 +64,9 @@ def told(recording: Recording, **conditions: Any) -> Recording:
     """Return a log with other conditions; None leaves one out."""
     kept = {name: value for name, value in recording.conditions.items() if conditions.get(name, value) is not None}
     return replace(recording, conditions={**kept, **{n: v for n, v in conditions.items() if v is not None}})
+
+
+def shifted(recording: Recording, seconds: float) -> Recording:
+    """Return a log whose reference table is late."""
+    bench = recording.streams["bench"]
+    return replace(recording, streams={**recording.streams, "bench": replace(bench, time=bench.time + seconds)})

@@ -27,7 +27,7 @@ def test_a_charge_without_its_time_gives_no_life_and_with_an_hour_three():
 
 def test_sensitivity_in_si_and_one_step_of_the_converter():
     assert pytest.approx(1.428e-4, rel=1e-3) == SENSITIVITY
-    assert 1.0 / SENSITIVITY == pytest.approx(7005.0, abs=1.0)
+    assert pytest.approx(7005.0, abs=1.0) == 1.0 / SENSITIVITY
     assert "5.64 N = 0.575 kg" in row("sensitivity of the peak, in SI").remark
 
 

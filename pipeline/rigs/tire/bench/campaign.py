@@ -53,6 +53,8 @@ class Campaign:
         Runs that are not in the calibration, in the ring fit, with the reason.
     friction
         By how much the load cell reads too much in each run, N; empty unless loading up and down tells.
+    untared
+        What is said of a load cell that reads all loads wrong by the same force; no load can be relied on then.
     size_doubted
         Whether the rolling radius contradicts the tire's size.
     odd, misfit
@@ -72,6 +74,7 @@ class Campaign:
     odd: list[Odd] = field(default_factory=list)
     calibration: Calibration | None = None
     uncalibrated: dict[str, str] = field(default_factory=dict)
+    untared: str = ""
     friction: dict[str, float] = field(default_factory=dict)
     ring: RingFit | None = None
     verdict: RingVerdict | None = None
@@ -102,7 +105,9 @@ def campaign_of(tire: Tire, runs: Sequence[BenchRun]) -> Campaign:
     _look_for_odd(found)
     odd = {one.run for one in found.odd}
     even = [run for run in found.runs if run.name not in odd]
-    found.findings += [*shared_offset(even), *hysteresis(even), *_nominal(found.runs), *_mirrored(found)]
+    offset = shared_offset(even)
+    found.untared = offset[0].message if offset else ""
+    found.findings += [*offset, *hysteresis(even), *_nominal(found.runs), *_mirrored(found)]
     _calibrate(found)
     _fit_ring(found)
     if found.misfit:
@@ -247,6 +252,9 @@ def _direction(name: str) -> int:
 def _fit_ring(found: Campaign) -> None:
     """Fit the ring to all runs with a load, each at its own pressure."""
     tire = found.tire
+    if found.untared:
+        found.no_ring = found.untared
+        return
     if tire.sensor_length is None:
         found.no_ring = "sensor_length_flex is not stated, and it trades with the contact length"
         return

@@ -170,6 +170,8 @@ def _of_runs(found: Campaign) -> list[Estimate]:
 
 
 def _calibration(found: Campaign) -> list[Estimate]:
+    if found.untared:
+        return [undetermined(name, found.untared) for name in _CALIBRATION]
     if found.calibration is None:
         return [undetermined(name, "no run has a load and a peak that can be used") for name in _CALIBRATION]
     words = f"interval of type A and B: load cell {100 * found.tire.load_gain_u:.2g} %"

@@ -93,6 +93,9 @@ def _together(findings: Sequence[QualityFinding]) -> list[str]:
 
 def _ring(said: Judgement, found: Campaign) -> None:
     ring, verdict = found.ring, found.verdict
+    if found.untared:
+        said.reject(ended(found.untared))
+        return
     if ring is None or verdict is None:
         tell = said.reject if found.calibration is None or found.calibration.curve is None else said.warn
         tell(f"The ring was not fitted: {ended(found.no_ring)}")
@@ -123,6 +126,8 @@ def _speed(said: Judgement, found: Campaign) -> None:
 
 def _calibration(said: Judgement, found: Campaign) -> None:
     fit = found.calibration
+    if found.untared:
+        return
     if fit is None or fit.curve is None:
         said.warn(
             f"There is no load calibration: {ended(fit.reason if fit is not None else 'no run has a load and a peak that can be used')}"
