@@ -277,3 +277,9 @@ def test_two_tables_as_csv_are_one_drive(tmp_path: Path, rigfit: Callable[..., A
     assert found.one("load_rms_error", run="r1").value < 60.0
     assert (tmp_path / "out" / "arrays" / "revolutions.parquet").is_file()
     assert (tmp_path / "out" / "report.html").stat().st_size < 2_000_000
+
+
+def test_a_bench_run_is_sent_to_its_experiment():
+    (recording,) = synthesize_road({**SHORT, "told": {"bench_or_road": "bench"}}, 5)
+    with pytest.raises(InputError, match=r"belongs to tire\.bench"):
+        identified([recording])

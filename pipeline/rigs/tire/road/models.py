@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.findings import ModelResult
-from pipeline.rigs.tire.road.revolution_fit import ANGLES
+from pipeline.rigs.tire.road.passage_voltage import ANGLES
 from pipeline.rigs.tire.road.run_numbers import RunNumbers
 
 # Numbers fitted to each revolution: load, force, angle of the patch, resistance.

@@ -22,14 +22,45 @@ _LEAST_FILLING = 0.4
 class PassageBlock(Protocol):
     """What is used of some revolutions (`passages.revolutions.Revolutions`)."""
 
-    times: np.ndarray
-    time_se: np.ndarray
-    speed: np.ndarray
-    speed_se: np.ndarray
-    resistance: np.ndarray
-    film: np.ndarray | None
-    count: np.ndarray
-    whole: np.ndarray
+    @property
+    def times(self) -> np.ndarray:
+        """Moments of the passages, s, shape (m,)."""
+        ...
+
+    @property
+    def time_se(self) -> np.ndarray:
+        """Their standard errors, s."""
+        ...
+
+    @property
+    def speed(self) -> np.ndarray:
+        """Rotation, rad/s, shape (m,)."""
+        ...
+
+    @property
+    def speed_se(self) -> np.ndarray:
+        """Its standard errors, rad/s."""
+        ...
+
+    @property
+    def resistance(self) -> np.ndarray:
+        """R2 by angle, ohm, shape (m, bins)."""
+        ...
+
+    @property
+    def film(self) -> np.ndarray | None:
+        """Film by angle, V, shape (m, bins), or None."""
+        ...
+
+    @property
+    def count(self) -> np.ndarray:
+        """Samples in each bin, shape (m, bins)."""
+        ...
+
+    @property
+    def whole(self) -> np.ndarray:
+        """Whether a revolution is fit for use, shape (m,)."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

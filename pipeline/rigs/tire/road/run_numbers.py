@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.tire.passages.device import Device, device_of
 from pipeline.rigs.tire.passages.passage_faults import Course, course_of
@@ -22,11 +23,12 @@ from pipeline.rigs.tire.road.library import WaveformLibrary, library
 from pipeline.rigs.tire.road.noise_spectrum import NoiseSpectrum
 from pipeline.rigs.tire.road.record import References, references_of
 from pipeline.rigs.tire.road.reference import Comparison, ReferenceTable, compare, own_direction
-from pipeline.rigs.tire.road.revolution_fit import Forces, RevolutionFit, joined
+from pipeline.rigs.tire.road.revolution_fit import REASONS, Forces, RevolutionFit, joined
 from pipeline.rigs.tire.road.rotation_only import without_forces
 from pipeline.rigs.tire.road.systematic import systematic
 from pipeline.rigs.tire.road.tracking import Track, track
 
+_BENCH = "bench"
 Progress = Callable[[float], None]
 # The flex sensor came off where it answers less than this share of before.
 _OFF = 0.9
@@ -35,6 +37,7 @@ _OTHER_RESISTANCE = 0.10
 # Accelerations (m/s^2) at which a wheel neither drives nor brakes, and the share of the load that rolling resistance
 # and wind never reach: half of what hysteresis makes of a mirrored waveform (2 r/s = 0.15, tire.md 3.5).
 _STEADY, _ROLLING = 0.3, 0.07
+_FEW = 0.2
 # A reference that seems so many seconds off is not compared.
 _APART = 0.1
 # So many revolutions tell a slope.
@@ -192,8 +195,12 @@ def numbers_of(
     Raises
     ------
     InputError
-        If it holds no passages of the sensor at all, or its tire size is none.
+        If it has no flex sensor, is a run of the bench, or its tire size is none.
     """
+    if str(recording.conditions.get("bench_or_road", "")).strip().lower() == _BENCH:
+        raise InputError(
+            f"run '{recording.run}' says bench_or_road: bench; it belongs to tire.bench. Put it into a campaign of that experiment."
+        )
     device = device_of(recording)
     held = carried(choice, recording.run, recording.conditions)
     known = libraries.of(held.tire) if held.tire is not None else None
@@ -217,7 +224,7 @@ def numbers_of(
         course=course,
         carried=held,
         forces=forces,
-        speed=radius.value * forces.speed,
+        speed=np.where(rotation_known(forces), radius.value * forces.speed, math.nan),
         speed_se=radius.value * forces.speed_se,
         common=common,
         speed_sd=radius.std_error * forces.speed,
@@ -283,9 +290,16 @@ def _common(held: Carried, known: WaveformLibrary | None, forces: Forces) -> Com
     )
 
 
+def rotation_known(forces: Forces) -> np.ndarray:
+    """Return where the rotation is known, bool, shape (m,): a waveform out of shape was cut at the wrong angles."""
+    cut = forces.reason == REASONS.index("shape is not that of the ring")
+    few = cut.mean() < _FEW if cut.size else False  # where all are out of shape it is the tire
+    return np.asarray(np.isfinite(forces.speed) & np.isfinite(forces.speed_se) & ~(cut & few))
+
+
 def _tracks(forces: Forces, held: Carried, settings: RoadSettings) -> dict[str, Track]:
     found = {}
-    known = np.isfinite(forces.speed) & np.isfinite(forces.speed_se)
+    known = rotation_known(forces)
     if known.any():
         found["rotation"] = track(
             forces.time, forces.speed, forces.speed_se, q=settings.rotation_walk, tune=settings.tune_walk, usable=known
