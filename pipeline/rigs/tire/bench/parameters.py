@@ -22,11 +22,13 @@ _MARKS = {"peak_resistance": "peak", "dip_leading": "dip_leading", "dip_trailing
 _CALIBRATION = ("load_sensitivity", "calibration_0", "calibration_1", "calibration_2")
 # Reduced chi-square of the PVDF's ratio to the flex sensor above which it is no constant law.
 _LAWLESS = 4.0
+# Shared errors below that are not told one by one (relative).
+_SLIGHT = 1e-3
 _SOURCES = {
-    "pressure": "inflation pressure",
+    "pressure": "p0",
     "load_gain": "load cell",
-    "belt_radius": "belt radius",
-    "outer_radius": "free radius",
+    "belt_radius": "R",
+    "outer_radius": "Ro",
 }
 FILM = ("pvdf_gain", "pvdf_time_constant", "pvdf_offset_angle")
 
@@ -67,7 +69,7 @@ def _radius(found: Campaign) -> Estimate:
         return undetermined("rolling_radius", found.no_line)
     if found.line.suspicion:
         return undetermined("rolling_radius", found.line.suspicion)
-    told = "clocks of both logs in the error (25 ppm), the gain of road_speed taken as exact"
+    told = "gain of road_speed taken as exact"
     return replace(found.line.radius, reason=told)
 
 
@@ -85,14 +87,14 @@ def _ring(found: Campaign) -> list[Estimate]:
             "belt_width",
             "no run states its inflation pressure, and the waveforms only tell p0 b; state inflation_pressure",
         )
-    words = "interval of type A and B"
+    words = "type A"
     shared = [
         f"{_SOURCES.get(i.source, i.source)} {100 * i.relative:.2g} %"
         for i in found.ring.influences
-        if i.relative > 0.0
+        if i.relative > _SLIGHT
     ]
     if shared:
-        words += f": {', '.join(shared)}"
+        words = f"type B in it: {', '.join(shared)}"
     return [
         replace(e, reason="; ".join(filter(None, (e.reason, words)))) if e.value is not None else e for e in by.values()
     ]
@@ -174,7 +176,7 @@ def _calibration(found: Campaign) -> list[Estimate]:
         return [undetermined(name, found.untared) for name in _CALIBRATION]
     if found.calibration is None:
         return [undetermined(name, "no run has a load and a peak that can be used") for name in _CALIBRATION]
-    words = f"interval of type A and B: load cell {100 * found.tire.load_gain_u:.2g} %"
+    words = f"type B in it: load cell {100 * found.tire.load_gain_u:.2g} %"
     own = [found.calibration.estimates[name] for name in _CALIBRATION]
     return [replace(e, reason=words) if e.value is not None and e.name != "calibration_0" else e for e in own]
 
