@@ -85,7 +85,8 @@ def ingest_run(
         names = listing(spec.name for spec in specs)
         raise InputError(f"{sources[0].shown}: holds none of the channels {names}; map them in the recipe.")
     times = find_times([selection.source for selection in selections], maps.get("time"))
-    streams = [StreamInSI(selection, time) for selection, time in zip(selections, times, strict=True)]
+    several = len(sources) > 1
+    streams = [StreamInSI(selection, time, several) for selection, time in zip(selections, times, strict=True)]
     begins = align([stream.clock for stream in streams])
     origin = [] if begins is None else [said_made_relative(begins)]
     targets = file_names(run, [selection.source.stream for selection in selections])

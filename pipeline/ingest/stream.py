@@ -59,8 +59,10 @@ class StreamInSI:
         By channel, the largest finite magnitude (SI) that was taken as missing.
     """
 
-    def __init__(self, selection: Selection, time: TimeSource) -> None:
+    def __init__(self, selection: Selection, time: TimeSource, several: bool = False) -> None:
+        """`several`: the run has other tables too, of which a rate in the header may be."""
         self.selection = selection
+        self._several = several or len(selection.source.log.tables) > 1
         self.clock = Clock(selection.source, time)
         self.repairs: list[QualityFinding] = []
         self.beyond: dict[str, float] = {}
@@ -125,8 +127,7 @@ class StreamInSI:
 
     def _said_stated_rate(self, sampling: Sampling) -> list[QualityFinding]:
         """Say where the log states another rate than its stamps have, by more than both can be off."""
-        several = len(self.selection.source.log.tables) > 1  # a rate in the header is that of one of them
-        if several or self.time.channel is None or not np.isfinite(sampling.mean_rate):
+        if self._several or self.time.channel is None or not np.isfinite(sampling.mean_rate):
             return []
         stated = stated_rate(self.selection.source, but=self.time.channel)
         if stated is None:

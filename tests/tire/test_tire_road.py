@@ -274,6 +274,7 @@ def test_two_tables_as_csv_are_one_drive(tmp_path: Path, rigfit: Callable[..., A
     answer = rigfit("run", "tire.road", *logs, "--with", tmp_path / "bench", "--out", tmp_path / "out")
     assert answer.status == 0, answer.err
     found = read_findings(tmp_path / "out")
+    assert found.verdict == "ok", found.reasons
     assert found.one("load_rms_error", run="r1").value < 60.0
     assert (tmp_path / "out" / "arrays" / "revolutions.parquet").is_file()
     assert (tmp_path / "out" / "report.html").stat().st_size < 2_000_000
