@@ -26,6 +26,7 @@ class Spec:
     description: str = "a quantity"
     required: bool = True
     limit: float | None = None
+    counts_samples: bool = False
 
 
 class MemoryTable(RawTable):
