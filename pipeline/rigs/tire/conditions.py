@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Range
@@ -29,6 +30,11 @@ _CHANNELS = (
     ChannelSpec("supply_current", "A", "current of the transmitter", limit=10.0),
 )
 
+# What is taken of the circuit where a run does not state it: never without a word (tire.md, sections 6 and 11).
+DIVIDER = {"supply_voltage": 3.3, "divider_resistance": 1e4}
+CONVERTER = {"adc_reference": 3.3, "adc_bits": 12.0}
+_TAKEN = "taken, and said, where not stated"
+
 _POSITIVE = Range(0.0, above=True)
 _SHARE = Range(0.0, 0.5)
 CONDITIONS = (
@@ -39,13 +45,13 @@ CONDITIONS = (
     ConditionSpec("belt_width", "m", "width b of the belt, a first guess", range=_POSITIVE),
     ConditionSpec("sensor_length_flex", "m", "length Ls of the flex sensor", range=_POSITIVE),
     ConditionSpec("sensor_length_pvdf", "m", "length L_p of the PVDF film", range=_POSITIVE),
-    ConditionSpec("supply_voltage", "V", "supply VIN of the divider", default=3.3, range=_POSITIVE),
-    ConditionSpec("divider_resistance", "ohm", "fixed resistor R1 of the divider", default=1e4, range=_POSITIVE),
-    ConditionSpec("adc_reference", "V", "voltage of the converter's full scale", default=3.3, range=_POSITIVE),
-    ConditionSpec("adc_bits", "1", "bits of the converter", default=12.0, range=Range(4, 24, whole=True)),
-    ConditionSpec("sample_rate", "Hz", "samples per second of the microcontroller", default=12e3, range=_POSITIVE),
-    ConditionSpec("frames_per_packet", "1", "samples in one radio packet", default=10.0, range=Range(1, whole=True)),
-    ConditionSpec("counter_bits", "1", "bits of the packet counter", default=16.0, range=Range(1, 64, whole=True)),
+    ConditionSpec("supply_voltage", "V", f"supply VIN of the divider; 3.3 V {_TAKEN}", range=_POSITIVE),
+    ConditionSpec("divider_resistance", "ohm", f"fixed resistor R1 of the divider; 10 kohm {_TAKEN}", range=_POSITIVE),
+    ConditionSpec("adc_reference", "V", f"voltage of the converter's full scale; 3.3 V {_TAKEN}", range=_POSITIVE),
+    ConditionSpec("adc_bits", "1", f"bits of the converter; 12 {_TAKEN}", range=Range(4, 24, whole=True)),
+    ConditionSpec("sample_rate", "Hz", "samples per second of the microcontroller; by default as the log's times tell", range=_POSITIVE),
+    ConditionSpec("frames_per_packet", "1", "samples in one radio packet; by default as packet_counter repeats, else 10", range=Range(1, whole=True)),
+    ConditionSpec("counter_bits", "1", "bits of the packet counter; by default 16, or as it wraps", range=Range(1, 64, whole=True)),
     ConditionSpec("flex_polarity", "1", "+1 where flattening raises the voltage, -1 where it lowers it", range=Range(-1, 1)),
     ConditionSpec("sensor_resistance", "ohm", "R0 of the mounted sensor on the free tire", range=_POSITIVE),
     ConditionSpec("liner_temperature", "K", "temperature of the inner liner", range=_POSITIVE),
@@ -71,3 +77,9 @@ OPERATING = (
 def channels(*required: str) -> tuple[ChannelSpec, ...]:
     """Return the channels of the rig with those in `required` required, the others optional."""
     return tuple(replace(spec, required=spec.name in required) for spec in _CHANNELS)
+
+
+def assumed(conditions: Mapping[str, object], codes: bool) -> dict[str, float]:
+    """Return what is taken of divider and (for a log of codes) converter because the run does not state it, SI."""
+    values = {**DIVIDER, **CONVERTER} if codes else DIVIDER
+    return {name: value for name, value in values.items() if name not in conditions}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording, Stream
+from pipeline.rigs.tire.conditions import CONVERTER, DIVIDER, assumed
 from pipeline.rigs.tire.passages.layout import Layout, Loss, layout_of
 
 # A silence from here on (s) is left out between two pieces instead of filled with NaN.
@@ -69,6 +70,8 @@ class Device:
         R0 as told, ohm, or None.
     quality
         What is wrong with the packets.
+    assumed
+        What of the circuit the run does not state, and what is taken for it.
     """
 
     run: str
@@ -87,6 +90,7 @@ class Device:
     quality: tuple[QualityFinding, ...]
     layout: Layout
     stream: Stream
+    assumed: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def step(self) -> float:
@@ -135,10 +139,10 @@ def device_of(recording: Recording) -> Device:
         run=recording.run,
         rate=layout.rate,
         span=(begins, begins + (layout.samples - 1) / layout.rate),
-        supply_voltage=recording.condition("supply_voltage", 3.3),
-        divider_resistance=recording.condition("divider_resistance", 1e4),
-        adc_full_scale=recording.condition("adc_reference", 3.3),
-        adc_bits=int(recording.condition("adc_bits", 12.0)),
+        supply_voltage=recording.condition("supply_voltage", DIVIDER["supply_voltage"]),
+        divider_resistance=recording.condition("divider_resistance", DIVIDER["divider_resistance"]),
+        adc_full_scale=recording.condition("adc_reference", CONVERTER["adc_reference"]),
+        adc_bits=int(recording.condition("adc_bits", CONVERTER["adc_bits"])),
         polarity=None if polarity is None else (-1 if float(polarity) < 0.0 else 1),
         gated=bool(told.get("gated", 0.0)),
         has_film=_name(stream, "pvdf") in stream.channels,
@@ -148,6 +152,7 @@ def device_of(recording: Recording) -> Device:
         quality=_findings(recording.run, layout),
         layout=layout,
         stream=stream,
+        assumed=assumed(recording.conditions, name == "flex_code"),
     )
 
 

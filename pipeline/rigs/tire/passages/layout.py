@@ -22,6 +22,8 @@ _STRAY, _STRAY_SHARE = 0.5, 0.02
 # A counter that lags behind time by so many seconds stood still meanwhile: the transmitter slept.
 _SLEEP = 0.05
 _SMALL_COUNTER = 4
+# Of a transmitter that states neither: samples in one packet, bits of its counter.
+_FRAMES, _BITS = 10, 16
 
 
 @dataclass(frozen=True)
@@ -146,11 +148,11 @@ class _Grid:
         if index is not None and by != "sample_index":
             remarks.append(f"sample_index does not count; the samples are placed by {by}")
         rate = _rate(stream, time, index if by == "sample_index" else None, told.get("sample_rate"), remarks)
-        frames = int(told.get("frames_per_packet", 10))
+        frames = int(told.get("frames_per_packet", _FRAMES))
         bits = 0
         if counter is not None and _counts(counter):
-            frames = _frames(counter, frames, remarks)
-            bits = _bits(counter, int(told.get("counter_bits", 16)), remarks)
+            frames = _frames(counter, told.get("frames_per_packet"), remarks)
+            bits = _bits(counter, told.get("counter_bits"), remarks)
         return cls(rate, frames, bits, bool(told.get("gated", 0.0)), by, remarks)
 
     def add(self, time: np.ndarray, index: np.ndarray | None, counter: np.ndarray | None) -> None:
@@ -312,30 +314,33 @@ def _rate(stream: Stream, time: np.ndarray, index: np.ndarray | None, told: floa
     return neat if abs(seen / neat - 1.0) < 0.5 * _RATE_DIFFERS else seen
 
 
-def _frames(counter: np.ndarray, told: int, remarks: list[str]) -> int:
+def _frames(counter: np.ndarray, told: float | None, remarks: list[str]) -> int:
     """Return the samples of one packet, by how often its number is repeated."""
     edges = np.flatnonzero(np.diff(counter) != 0.0)
+    stated = int(_FRAMES if told is None else told)
     if edges.size < 20:
-        return told
+        return stated
     length, times = np.unique(np.diff(edges), return_counts=True)
     usual = int(length[np.argmax(times)])
-    if usual == told or times.max() < 0.6 * times.sum():
-        return told
-    remarks.append(
-        f"frames_per_packet is {told} but the log has {usual} samples under each packet_counter: {usual} is used"
-    )
+    if usual == stated or times.max() < 0.6 * times.sum():
+        return stated
+    if told is not None:
+        remarks.append(
+            f"frames_per_packet is {stated} but the log has {usual} samples under each packet_counter: {usual} is used"
+        )
     return usual
 
 
-def _bits(counter: np.ndarray, told: int, remarks: list[str]) -> int:
+def _bits(counter: np.ndarray, told: float | None, remarks: list[str]) -> int:
     """Return the bits of the counter: as told, unless it is seen to wrap earlier or to run higher."""
+    stated = int(_BITS if told is None else told)
     highest = float(counter.max())
     needed = max(1, math.ceil(math.log2(highest + 1.0)))
     wraps = int(np.count_nonzero(np.diff(counter) < -0.5 * highest))
-    if needed > told or (wraps >= 3 and needed < told):
-        if needed > _SMALL_COUNTER:
+    if needed > stated or (wraps >= 3 and needed < stated):
+        if needed > _SMALL_COUNTER and told is not None:
             remarks.append(
-                f"packet_counter is stated to have {told} bits but runs to {highest:g}: {needed} bits are used"
+                f"packet_counter is stated to have {stated} bits but runs to {highest:g}: {needed} bits are used"
             )
         return needed
-    return told
+    return stated
