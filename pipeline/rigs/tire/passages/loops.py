@@ -1,4 +1,4 @@
-"""The loops over all samples, compiled: block means, passages found, fits of a passage, bins of angle (tire.md, 5.2-5.4).
+"""The loops over all samples, compiled: fits of a passage, bins of angle (tire.md, 5.3-5.4).
 
 Positions are in samples from the beginning of a stretch. Numba is imported here.
 """
@@ -16,70 +16,6 @@ WINDOW = 0.12
 
 
 @nb.njit(cache=True)
-def block_means(values: np.ndarray, size: int) -> np.ndarray:
-    """Return the mean of each whole block of `size` samples; NaN where less than half of it is valid."""
-    n = values.size // size
-    out = np.empty(n)
-    for b in range(n):
-        total, count = 0.0, 0
-        for i in range(b * size, (b + 1) * size):
-            if values[i] == values[i]:
-                total += values[i]
-                count += 1
-        out[b] = total / count if 2 * count >= size and count > 0 else np.nan
-    return out
-
-
-@nb.njit(cache=True)
-def without_gaps(values: np.ndarray, longest: int) -> np.ndarray:
-    """Return the values with gaps of up to `longest` bridged by straight lines."""
-    out = values.copy()
-    last = -1
-    for i in range(values.size):
-        if values[i] == values[i]:
-            if last >= 0 and 1 < i - last <= longest:
-                step = (values[i] - values[last]) / (i - last)
-                for k in range(last + 1, i):
-                    out[k] = values[last] + step * (k - last)
-            last = i
-    return out
-
-
-@nb.njit(cache=True)
-def humps(values: np.ndarray, upper: np.ndarray, lower: np.ndarray, window: int) -> np.ndarray:
-    """Return the stretches that rise above `upper` and have not fallen below `lower`: centre, height, begin, end.
-
-    Both thresholds hold for one window of `window` values each; NaN in the values ends a stretch. The centre is that
-    of the area above the lower threshold. Shape (p, 4), positions in values.
-    """
-    found = np.empty((values.size // 2 + 1, 4))
-    n = 0
-    inside, risen = False, False
-    weight, moment, top, begin = 0.0, 0.0, 0.0, 0
-    for i in range(values.size + 1):
-        w = min(i // window, upper.size - 1)
-        v = values[i] if i < values.size else np.nan
-        if v > lower[w]:
-            if not inside:
-                inside, risen = True, False
-                weight, moment, top, begin = 0.0, 0.0, v, i
-            part = v - lower[w]
-            weight += part
-            moment += part * i
-            top = max(top, v)
-            risen = risen or v > upper[w]
-        elif inside:
-            inside = False
-            if risen:
-                found[n, 0] = moment / weight
-                found[n, 1] = top
-                found[n, 2] = begin
-                found[n, 3] = i
-                n += 1
-    return found[:n]
-
-
-@nb.njit(cache=True, inline="always")
 def _phase(i: float, knots: np.ndarray, slopes: np.ndarray, k: int) -> Any:
     """Return the phase, revolutions, at position i between knots k and k + 1 (cubic Hermite), straight beyond the ends."""
     last = knots.size - 1
@@ -94,7 +30,7 @@ def _phase(i: float, knots: np.ndarray, slopes: np.ndarray, k: int) -> Any:
     )
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(cache=True)
 def _read(table: np.ndarray, place: float) -> Any:
     """Return a periodic table at a place counted in its own steps, straight between them."""
     n = table.size
@@ -120,7 +56,7 @@ def passage_sums(
         after = knots[k + 1] - knots[k] if k < m - 1 else before
         first = math.ceil(knots[k] - WINDOW * before)
         last = math.floor(knots[k] + WINDOW * after)
-        s = np.zeros(11)
+        s = out[k]
         origin, known = 0.0, False
         s[10] = last - first + 1
         for i in range(max(first, 0), min(last, values.size - 1) + 1):
@@ -130,7 +66,7 @@ def passage_sums(
             if not known:
                 origin, known = y, True
             y -= origin
-            p = _phase(i, knots, slopes, k - 1 if i < knots[k] else k) - k
+            p = _phase(float(i), knots, slopes, k - 1 if i < knots[k] else k) - k
             place = (p + 0.5) * N
             t, d = _read(T, place), _read(dT, place)
             s[0] += t * t
@@ -143,7 +79,6 @@ def passage_sums(
             s[7] += y * d
             s[8] += y
             s[9] += y * y
-        out[k] = s
     return out
 
 
@@ -158,20 +93,20 @@ def mean_by_angle(
     means, count = np.zeros(bins), np.zeros(bins)
     for turn in range(2):
         total = np.zeros(bins)
-        count[:] = 0.0
+        count = np.zeros(bins)
         for k in chosen:
             first = max(math.ceil(_crossing(knots, slopes, k - 1)), 0)
             last = min(math.ceil(_crossing(knots, slopes, k)), values.size)
             level, n = 0.0, 0
             for i in range(first, last if turn else first):
                 if values[i] == values[i]:
-                    p = _phase(i, knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
+                    p = _phase(float(i), knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
                     level += values[i] - means[int(p * bins + 0.5) % bins]
                     n += 1
             level /= max(n, 1)
             for i in range(first, last):
                 if values[i] == values[i]:
-                    p = _phase(i, knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
+                    p = _phase(float(i), knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
                     b = int(p * bins + 0.5) % bins
                     total[b] += values[i] - level
                     count[b] += 1.0
@@ -217,7 +152,7 @@ def in_bins(
             z = film[i] if with_film else np.nan
             if y != y and z != z:
                 continue
-            p = _phase(i, knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
+            p = _phase(float(i), knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
             at = p * bins
             b = int(at + 0.5)
             place = p * N

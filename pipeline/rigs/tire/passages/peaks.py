@@ -11,6 +11,8 @@ from statistics import median
 
 import numpy as np
 
+from pipeline.rigs.tire.passages.blocks import block_means, without_gaps
+
 # Blocks per second that are looked at, seconds of one threshold.
 _BLOCKS, _WINDOW = 4000.0, 10.0
 # Gaps up to here (s) are bridged for looking only.
@@ -41,8 +43,6 @@ class Humps:
 
 def coarse(flex: np.ndarray, rate: float) -> tuple[np.ndarray, int]:
     """Return block means, with short gaps bridged, and how many samples each spans."""
-    from pipeline.rigs.tire.passages.loops import block_means, without_gaps
-
     size = max(1, round(rate / _BLOCKS))
     return without_gaps(block_means(flex, size), int(_BRIDGED * rate / size)), size
 
@@ -84,8 +84,6 @@ def pointing(means: np.ndarray, size: int, rate: float, step: float) -> int:
 
 def humps_of(means: np.ndarray, size: int, rate: float, step: float) -> Humps:
     """Return the candidates of block means whose peaks point up."""
-    from pipeline.rigs.tire.passages.loops import humps
-
     windows = _windows(means, size, rate)
     upper, lower, base, empty = [], [], [], []
     at = 0
@@ -98,14 +96,36 @@ def humps_of(means: np.ndarray, size: int, rate: float, step: float) -> Humps:
         if not stands_out:
             empty.append((float(at * size), float((at + window.size) * size)))
         at += window.size
-    length = windows[0].size if windows else 1
-    found = humps(means, np.array(upper or [np.inf]), np.array(lower or [np.inf]), length)
-    window_of = np.minimum((found[:, 0] / length).astype(int), max(len(base) - 1, 0))
-    heights = found[:, 1] - np.array(base or [0.0])[window_of]
+    sizes = [window.size for window in windows]
+    centres, tops = _humps(means, np.repeat(upper, sizes), np.repeat(lower, sizes))
+    heights = tops - np.repeat(base, sizes)[centres.astype(int)]
     kept = _tall(heights)
     valid = means[np.isfinite(means)]
     swing = float(np.subtract(*np.quantile(valid, [0.995, 0.005]))) if valid.size else float("nan")
-    return Humps((found[kept, 0] + 0.5) * size, heights[kept], _joined(empty), swing)
+    return Humps((centres[kept] + 0.5) * size, heights[kept], _joined(empty), swing)
+
+
+def _humps(values: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return centre and height of the stretches above `lower` that rise above `upper`, shape (p,) each.
+
+    The centre is that of the area above the lower threshold, counted in values. NaN ends a stretch.
+
+    Parameters
+    ----------
+    upper, lower
+        The thresholds at each value, shape (n,) as the values.
+    """
+    inside = values > lower
+    edges = np.flatnonzero(np.diff(inside, prepend=False, append=False))
+    begins = edges[::2]
+    if not begins.size:
+        return np.zeros(0), np.zeros(0)
+    risen = np.add.reduceat((values > upper).astype(np.int64), begins) > 0
+    part = np.where(inside, values - lower, 0.0)
+    weight = np.add.reduceat(part, begins)
+    moment = np.add.reduceat(part * np.arange(values.size), begins)
+    top = np.maximum.reduceat(np.where(inside, values, -np.inf), begins)
+    return (moment / weight)[risen], top[risen]
 
 
 def _windows(means: np.ndarray, size: int, rate: float) -> list[np.ndarray]:

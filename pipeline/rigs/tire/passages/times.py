@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.rigs.tire.passages.loops import WINDOW, block_means, passage_sums
+from pipeline.rigs.tire.passages.blocks import block_means
+from pipeline.rigs.tire.passages.loops import WINDOW, passage_sums
 from pipeline.rigs.tire.passages.order_tracking import monotone, monotone_slopes
 from pipeline.rigs.tire.passages.template import FINE, Template
 
