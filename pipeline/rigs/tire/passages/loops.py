@@ -83,36 +83,26 @@ def passage_sums(
 
 
 @nb.njit(cache=True)
-def mean_by_angle(
-    values: np.ndarray, knots: np.ndarray, slopes: np.ndarray, chosen: np.ndarray, bins: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and number of the valid samples by bins of angle over the `chosen` revolutions, shape (bins,) each.
-
-    The level of every revolution against the mean of all, on the samples that it has, is taken out.
-    """
-    means, count = np.zeros(bins), np.zeros(bins)
-    for turn in range(2):
-        total = np.zeros(bins)
-        count = np.zeros(bins)
-        for k in chosen:
-            first = max(math.ceil(_crossing(knots, slopes, k - 1)), 0)
-            last = min(math.ceil(_crossing(knots, slopes, k)), values.size)
-            level, n = 0.0, 0
-            for i in range(first, last if turn else first):
-                if values[i] == values[i]:
-                    p = _phase(float(i), knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
-                    level += values[i] - means[int(p * bins + 0.5) % bins]
-                    n += 1
-            level /= max(n, 1)
-            for i in range(first, last):
-                if values[i] == values[i]:
-                    p = _phase(float(i), knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
-                    b = int(p * bins + 0.5) % bins
-                    total[b] += values[i] - level
-                    count[b] += 1.0
-        for b in range(bins):
-            means[b] = total[b] / count[b] if count[b] else np.nan
-    return means, count
+def sums_by_angle(
+    values: np.ndarray,
+    knots: np.ndarray,
+    slopes: np.ndarray,
+    chosen: np.ndarray,
+    total: np.ndarray,
+    count: np.ndarray,
+) -> None:
+    """Add up sum and number of the valid samples by bins of angle, a row for each `chosen` revolution."""
+    bins = count.shape[1]
+    for row in range(chosen.size):
+        k = chosen[row]
+        first = max(math.ceil(_crossing(knots, slopes, k - 1)), 0)
+        last = min(math.ceil(_crossing(knots, slopes, k)), values.size)
+        for i in range(first, last):
+            if values[i] == values[i]:
+                p = _phase(float(i), knots, slopes, k - 1 if i < knots[k] else k) - k + 0.5
+                b = int(p * bins + 0.5) % bins
+                total[row, b] += values[i]
+                count[row, b] += 1
 
 
 @nb.njit(cache=True)

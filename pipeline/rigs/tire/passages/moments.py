@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.rigs.tire.passages.chains import Chain, chains_of
-from pipeline.rigs.tire.passages.loops import mean_by_angle
+from pipeline.rigs.tire.passages.loops import sums_by_angle
 from pipeline.rigs.tire.passages.order_tracking import monotone_slopes
 from pipeline.rigs.tire.passages.revolutions import BINS
-from pipeline.rigs.tire.passages.template import ORDERS, Template, from_bins
+from pipeline.rigs.tire.passages.template import ORDERS, Template, from_bins, mean_of
 from pipeline.rigs.tire.passages.times import PassageFit, between, fitted, standard_errors
 
 # A candidate of which the template explains less, or that is lower than this share of the usual, is no passage.
@@ -82,9 +82,21 @@ def moments_of(flex: np.ndarray, chain: Chain, valid: np.ndarray, known: Templat
     return Moments(places, errors, ~there, fit, template)
 
 
-def some_of(n: int) -> np.ndarray:
-    """Return the numbers of up to 120 of n revolutions, evenly spread."""
-    return np.unique(np.linspace(0, n - 1, min(n, _MOST)).round().astype(np.int64))
+def mean_by_angle(values: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the mean of samples by bins of angle over up to 120 revolutions, evenly spread, shape (BINS,).
+
+    Parameters
+    ----------
+    values
+        Samples of a stretch, shape (n,), NaN where lost; empty bins are NaN.
+    places
+        Passages of a chain, in samples, shape (m,).
+    """
+    slopes = monotone_slopes(places, np.arange(places.size, dtype=float))
+    chosen = np.unique(np.linspace(0, places.size - 1, min(places.size, _MOST)).round().astype(np.int64))
+    total, count = np.zeros((chosen.size, BINS)), np.zeros((chosen.size, BINS), dtype=np.int64)
+    sums_by_angle(values, places, slopes, chosen, total, count)
+    return mean_of(total / np.maximum(count, 1), count)
 
 
 def _real(fit: PassageFit, chain: Chain) -> np.ndarray:
@@ -103,10 +115,8 @@ def _without(places: np.ndarray, heights: np.ndarray, valid: np.ndarray) -> Chai
 
 def _template(flex: np.ndarray, places: np.ndarray) -> Template:
     """Return the mean voltage of the chain by angle."""
-    slopes = monotone_slopes(places, np.arange(places.size, dtype=float))
-    means, _ = mean_by_angle(flex, places, slopes, some_of(places.size), BINS)
     per_turn = float(np.median(np.diff(places)))
-    return from_bins(means, int(np.clip(_PER_ORDER * per_turn, _FEWEST_ORDERS, ORDERS)))
+    return from_bins(mean_by_angle(flex, places), int(np.clip(_PER_ORDER * per_turn, _FEWEST_ORDERS, ORDERS)))
 
 
 def _lowest(template: Template) -> float:

@@ -20,7 +20,7 @@ Course = Revolutions
 
 _GATED_SHARE, _GATED_PATCH = 0.75, 0.9
 _SKEWED, _EVEN = 2.0, 1.2
-_FIRST_HARMONIC = 0.02
+FIRST_HARMONIC = 0.02
 _DRIFT, _SCATTER, _GAIN_DRIFT = 0.01, 0.02, 0.04
 _FEWEST = 6
 _DEAD = 5.0
@@ -222,7 +222,7 @@ def _signals(found: _Findings, device: Device, course: Course, gated: bool) -> N
         )
     _film(found, device, course)
     harmonic = float(np.median(course.first_harmonic))
-    if harmonic > _FIRST_HARMONIC and not gated:
+    if harmonic > FIRST_HARMONIC and not gated:
         found.add(
             "warning",
             f"first harmonic of R2 is {harmonic:.1%} of the peak, not explicable by ring bending (limit 2 %): an artefact "

@@ -53,9 +53,12 @@ def without_spikes(flex: np.ndarray) -> tuple[np.ndarray, int]:
     if valid.size < 20:
         return flex, 0
     swing = float(np.subtract(*np.quantile(valid[:: max(1, valid.size // 100_000)], [0.995, 0.005])))
-    alone = np.abs(flex[1:-1] - 0.5 * (flex[:-2] + flex[2:])) > _SPIKE * max(swing, 0.02)
+    least = _SPIKE * max(swing, 0.02)
+    jump = np.abs(np.diff(flex)) > least
     # Beside a spike the mean of the neighbours is wrong: a sample counts only if it differs from both of them.
-    alone &= (np.abs(flex[1:-1] - flex[:-2]) > _SPIKE * swing) & (np.abs(flex[1:-1] - flex[2:]) > _SPIKE * swing)
+    alone = jump[1:] & jump[:-1]
+    if alone.any():
+        alone &= np.abs(flex[1:-1] - 0.5 * (flex[:-2] + flex[2:])) > least
     if not alone.any():
         return flex, 0
     cleaned = flex.copy()

@@ -8,12 +8,12 @@ import numpy as np
 
 from pipeline.rigs.tire.passages.device import Device, Piece
 from pipeline.rigs.tire.passages.hum import mains_hum
-from pipeline.rigs.tire.passages.loops import in_bins, mean_by_angle
-from pipeline.rigs.tire.passages.moments import Moments, some_of
+from pipeline.rigs.tire.passages.loops import in_bins
+from pipeline.rigs.tire.passages.moments import Moments, mean_by_angle
 from pipeline.rigs.tire.passages.order_tracking import monotone_slopes
 from pipeline.rigs.tire.passages.resistance import from_volts
 from pipeline.rigs.tire.passages.revolutions import BINS, Revolutions
-from pipeline.rigs.tire.passages.template import FINE, Template, from_bins, from_values
+from pipeline.rigs.tire.passages.template import FINE, Template, from_bins, from_values, mean_of
 from pipeline.rigs.tire.ring.sensor import voltage_slope
 
 # A revolution is whole with this share of its samples within so many revolutions of the passage.
@@ -43,7 +43,7 @@ def tabulated(
     own, around = slice(first, final + 1), (slice(first + 1, final + 2), slice(first - 1, final))
     resistance, volts = np.zeros((m, BINS)), np.zeros((m, BINS if stretch.film is not None else 0))
     count, film_count = np.zeros((m, BINS), dtype=np.int64), np.zeros((m, volts.shape[1]), dtype=np.int64)
-    film, film_template = _film_template(stretch, moments, slopes)
+    film, film_template = _film_template(stretch, moments)
     in_bins(
         stretch.flex,
         film,
@@ -61,7 +61,7 @@ def tabulated(
         count,
         film_count,
     )
-    mean = from_bins(_mean_of(resistance, count))
+    mean = from_bins(mean_of(resistance, count))
     level, amplitude = _against(resistance, count, mean, mounting.polarity)
     if mounting.polarity < 0:
         resistance = 2.0 * level[:, None] - resistance
@@ -113,26 +113,13 @@ def _resistance_template(stretch: Piece, moments: Moments, VIN: float, R1: float
     return from_values(np.where(np.isfinite(R2), R2, np.nanmean(R2)))
 
 
-def _film_template(stretch: Piece, moments: Moments, slopes: np.ndarray) -> tuple[np.ndarray, Template]:
+def _film_template(stretch: Piece, moments: Moments) -> tuple[np.ndarray, Template]:
     """Return the film's volts, none where there is no film, and their mean by angle less its mean."""
     if stretch.film is not None:
-        means, _ = mean_by_angle(stretch.film, moments.places, slopes, some_of(moments.places.size), BINS)
+        means = mean_by_angle(stretch.film, moments.places)
         if np.isfinite(means).any():
             return stretch.film, from_bins(means, moments.template.harmonics.size - 1)
     return np.zeros(0) if stretch.film is None else stretch.film, from_values(np.zeros(FINE))
-
-
-def _mean_of(values: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Return the mean of each bin over revolutions, levels that differ taken out first; NaN where empty."""
-    weight = count.sum(axis=0)
-    there = count > 0
-    mean = np.zeros(weight.size)
-    level = np.zeros(values.shape[0])
-    for _ in range(2):
-        off = np.where(there, values - level[:, None], 0.0)
-        mean = np.divide((off * count).sum(axis=0), weight, out=np.full(weight.size, np.nan), where=weight > 0)
-        level += np.where(there, off - mean, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
-    return mean
 
 
 def _against(values: np.ndarray, count: np.ndarray, template: Template, polarity: int) -> tuple[np.ndarray, np.ndarray]:

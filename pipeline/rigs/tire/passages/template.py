@@ -80,3 +80,26 @@ def bridged(means: np.ndarray) -> np.ndarray:
     if known.size == 0:
         raise ValueError("no bin holds a sample")
     return np.asarray(np.interp(np.arange(means.size), known, means[known], period=means.size))
+
+
+def mean_of(values: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Return the mean by bin over revolutions, levels that differ taken out first; NaN where empty.
+
+    Parameters
+    ----------
+    values, count
+        Mean and number of the samples of each revolution and bin, shape (m, bins) each; values where there are none
+        do not count.
+    """
+    there = count > 0
+    weight = count.sum(axis=0)
+    known = np.where(there, values, 0.0)
+    heavy = known * count
+    present, each = there.astype(float), np.maximum(there.sum(axis=1), 1)
+    level = np.zeros(values.shape[0])
+    mean = np.zeros(weight.size)
+    for _ in range(2):
+        total = heavy.sum(axis=0) - level @ count
+        mean = np.divide(total, weight, out=np.full(weight.size, np.nan), where=weight > 0)
+        level = (known.sum(axis=1) - present @ np.nan_to_num(mean)) / each
+    return mean

@@ -207,8 +207,8 @@ def _at(table: np.ndarray, places: np.ndarray, knots: np.ndarray, k: int) -> np.
     """Return a table of the template at places (samples) that reach from passage k to its neighbours at most."""
     near = slice(max(k - 3, 0), k + 4)
     order = np.arange(knots.size, dtype=float)[near]
-    angle = (monotone(knots[near], order, places) - k + 0.5) * FINE
-    return np.asarray(np.interp(angle, np.arange(FINE), table, period=FINE))
+    angle = (monotone(knots[near], order, places) - k + 0.5) * FINE % FINE
+    return np.asarray(np.interp(angle, np.arange(FINE + 1), np.append(table, table[0])))
 
 
 def _full_information(template: Template, n: np.ndarray) -> np.ndarray:
