@@ -178,6 +178,13 @@ def recipe_template(experiment: Experiment, title: str) -> str:
     if numeric is not None:
         example = f"run1_{{{numeric.name}:{numeric.unit}}}"
         lines += ["", "# Conditions that stand in the logs' file names:", f'# file_name: "{example}"']
+    if experiment.builds_on:
+        lines += [
+            "",
+            f"# Campaigns of {' and '.join(experiment.builds_on)} whose findings this one uses. Name them in params.yaml too,",
+            "# so that DVC keeps the order:  uses: [{campaign: this-one, of: my-other-campaign}]",
+            "# uses: [my-other-campaign]",
+        ]
     lines += ["", "settings:"]
     for name, field in experiment.settings.model_fields.items():
         lines.append(f"#  {name}: {_yaml(field.default)}   # {field.description or ''}".rstrip())

@@ -218,6 +218,8 @@ class Experiment:
     live
         ``live(recording, settings)`` makes what follows that record while it comes in (`Follower`), for
         `rigfit run --live`: it looks at conditions and channel names only. None where the experiment has no such method.
+    builds_on
+        Ids of the experiments of whose campaigns it can use the findings (`Context.uses`).
     """
 
     id: str
@@ -235,6 +237,7 @@ class Experiment:
     check: Callable[[Recording], Sequence[QualityFinding]] = lambda _recording: ()
     operating: Sequence[ConditionSpec] = ()
     live: Callable[[Recording, Any], Follower] | None = None
+    builds_on: Sequence[str] = ()
 
     @property
     def rig(self) -> str:

@@ -30,6 +30,11 @@ def test_names_are_declared_once_and_units_are_known(experiment: Experiment) -> 
     assert experiment.references
 
 
+@pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda e: e.id)
+def test_what_an_experiment_builds_on_exists(experiment: Experiment) -> None:
+    assert set(experiment.builds_on) <= set(all_experiments())
+
+
 def test_listing_experiments_imports_nothing_heavy() -> None:
     code = (
         "import sys; from pipeline.rigs.registry import all_experiments; all_experiments(); "

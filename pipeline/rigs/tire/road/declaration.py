@@ -72,4 +72,5 @@ ROAD = Experiment(
     methods=Later("pipeline.rigs.tire.road.methods:methods"),
     check=Later("pipeline.rigs.tire.road.check:check"),
     operating=OPERATING,
+    builds_on=("tire.bench",),
 )

@@ -91,4 +91,5 @@ DYNAMIC = Experiment(
     methods=Later("pipeline.rigs.tpjb.dynamic.methods:methods"),
     check=Later("pipeline.rigs.tpjb.dynamic.check:check"),
     operating=OPERATING,
+    builds_on=("tpjb.baseline",),
 )

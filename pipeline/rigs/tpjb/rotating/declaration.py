@@ -77,4 +77,5 @@ ROTATING = Experiment(
     methods=Later("pipeline.rigs.tpjb.rotating.methods:methods"),
     check=Later("pipeline.rigs.tpjb.rotating.faults:check"),
     operating=OPERATING,
+    builds_on=("tpjb.dynamic", "tpjb.bump"),
 )
