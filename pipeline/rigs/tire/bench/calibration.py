@@ -100,6 +100,11 @@ class Calibration:
     zero_load: Estimate | None = None
     remarks: tuple[str, ...] = field(default=())
 
+    @property
+    def offset(self) -> float | None:
+        """Load (N) at which the curve has no peak, where that is surely far from none: the load cell's error."""
+        return _offset(self.curve, self.zero_load) if self.curve is not None else None
+
     def load_of(self, peak: float, revolutions: float = 1.0) -> LoadReading:
         """Return the load of a peak (ohm), mean of `revolutions`; all of it unknown where there is no curve."""
         if self.curve is None:
@@ -330,15 +335,20 @@ def _remarks(
                 f"Loading up and down differ by {share:.1%} of the load: guide friction about {abs(friction.value):.0f} N "
                 "between load cell and tire; the calibration uses loads freed of it."
             )
-    if zero is not None and zero.value is not None and zero.ci95 is not None:
-        large = abs(zero.value) > _MOST_OFFSET * middle
-        if large and not zero.ci95[0] <= 0.0 <= zero.ci95[1]:
-            weight = f"; the moving mass weighs {mass * 9.80665:.0f} N" if mass else ""
-            said.append(
-                f"The curve has no peak at {zero.value:.0f} N instead of 0 N: the load cell seems off by that "
-                f"(weight of beam and axle not tared?){weight}."
-            )
+    offset = _offset(curve, zero)
+    if offset is not None:
+        weight = f"; the moving mass weighs {mass * 9.80665:.0f} N" if mass else ""
+        said.append(
+            f"The curve has no peak at {offset:.0f} N instead of 0 N: the load cell seems off by that "
+            f"(weight of beam and axle not tared?){weight}."
+        )
     return tuple(said)
+
+
+def _offset(curve: Curve, zero: Estimate | None) -> float | None:
+    if zero is None or zero.value is None or zero.ci95 is None or zero.ci95[0] <= 0.0 <= zero.ci95[1]:
+        return None
+    return zero.value if abs(zero.value) > _MOST_OFFSET * 0.5 * (curve.least + curve.most) else None
 
 
 def _without(reason: str, used: Sequence[PeakPoint], left_out: dict[str, str]) -> Calibration:

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.tire.bench.bench_run import bench_run
-from pipeline.rigs.tire.bench.campaign import campaign_of
 from pipeline.rigs.tire.bench.declaration import BenchSettings
 from pipeline.rigs.tire.bench.faults import errors_of, run_faults
 from pipeline.rigs.tire.bench.same_tire import one_tire
+from pipeline.rigs.tire.bench.together import campaign_of
 
 
 def check(recording: Recording) -> Sequence[QualityFinding]:

@@ -11,12 +11,13 @@ from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.tire.bench.arrays import arrays_of
 from pipeline.rigs.tire.bench.bench_run import BenchRun, FreeSpinError, bench_run
-from pipeline.rigs.tire.bench.campaign import Campaign, campaign_of
+from pipeline.rigs.tire.bench.campaign import Campaign
 from pipeline.rigs.tire.bench.declaration import BenchSettings
 from pipeline.rigs.tire.bench.faults import errors_of, run_faults
 from pipeline.rigs.tire.bench.parameters import parameters_of
 from pipeline.rigs.tire.bench.published import published
 from pipeline.rigs.tire.bench.same_tire import one_tire
+from pipeline.rigs.tire.bench.together import campaign_of
 from pipeline.rigs.tire.bench.verdict import judge
 
 

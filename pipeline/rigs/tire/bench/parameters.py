@@ -15,6 +15,8 @@ from pipeline.rigs.tire.bench.campaign import Campaign
 from pipeline.rigs.tire.bench.declaration import PARAMETERS
 from pipeline.rigs.tire.bench.identifiability import PARAMETERS as RING
 from pipeline.rigs.tire.bench.identifiability import contact_lengths, told
+from pipeline.rigs.tire.bench.same_tire import in_words
+from pipeline.rigs.tire.conditions import DIVIDER
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 _LENGTHS = {"deformation_length": "deformation", "slope_length": "slope", "zero_length": "zero"}
@@ -35,23 +37,39 @@ FILM = ("pvdf_gain", "pvdf_time_constant", "pvdf_offset_angle")
 
 def parameters_of(found: Campaign, others: Sequence[BenchRun] = ()) -> list[Parameter]:
     """Return all parameters; of `others`, runs that are left out, the packet loss only."""
+    waveform, circuit = "averaged waveform, jackknife over groups of revolutions", _circuit(found)
     return [
         *_told([_radius(found)], "line through the origin, weights by the errors of both means"),
-        *_told(_ring(found), _ring_method(found)),
-        *_told(_contact(found), "joint ring fit, contact solved"),
-        *_told(_by_point(found), "averaged waveform, jackknife over groups of revolutions"),
-        *_told(_of_runs(found), "averaged waveform, jackknife over groups of revolutions"),
-        *_told(_calibration(found), "peaks regressed on loads"),
-        *_told(_film(found), "order by order, weighted least squares"),
+        *_told(_ring(found), _ring_method(found), circuit),
+        *_told(map(_length, _contact(found)), "joint ring fit, contact solved"),
+        *_told(map(_length, _by_point(found)), waveform),
+        *_told(_of_runs(found), waveform, circuit),
+        *_told(_calibration(found), "peaks regressed on loads", circuit),
+        *_told(_film(found), "order by order, weighted least squares", circuit),
         *_told(_loss([*found.runs, *others]), "counted"),
     ]
 
 
-def _told(estimates: Iterable[Estimate], method: str) -> list[Parameter]:
+def _circuit(found: Campaign) -> str:
+    """Return what numbers in ohm rest on."""
+    taken = {name: value for name, value in found.tire.assumed.items() if name in DIVIDER}
+    how = f"{in_words(taken)} as assumed" if taken else "R1 and VIN as stated"
+    return f"rests on {how}, taken as exact: 1 % of R1 is 1 % of it"
+
+
+def _length(e: Estimate) -> Estimate:
+    """Null a length that is not told from none."""
+    if e.value is None or e.ci95 is None or e.ci95[0] > 0.0:
+        return e
+    return undetermined(e.name, "its interval reaches down to no length at all: the noise hides the passage", e.at)
+
+
+def _told(estimates: Iterable[Estimate], method: str, circuit: str = "") -> list[Parameter]:
+    """Return findings of estimates; `circuit` is said of all whose unit has ohm in it."""
     rows = []
     for e in estimates:
         spec = _SPECS[e.name]
-        described = spec.description if not e.reason else f"{spec.description}; {e.reason}"
+        described = "; ".join(filter(None, (spec.description, e.reason, circuit if "ohm" in spec.unit else "")))
         value = e.value if e.value is not None and math.isfinite(e.value) else None
         known = value is not None and e.std_error is not None and math.isfinite(e.std_error)
         rows.append(
@@ -87,6 +105,11 @@ def _ring(found: Campaign) -> list[Estimate]:
             "belt_width",
             "no run states its inflation pressure, and the waveforms only tell p0 b; state inflation_pressure",
         )
+    if (by["loss_factor"].value or 0.0) < 0.0:
+        by["loss_factor"] = undetermined(
+            "loss_factor",
+            "it comes out negative, which no tire is: the sense of rotation is reversed, or the wheel is driven",
+        )
     words = "type A"
     shared = [
         f"{_SOURCES.get(i.source, i.source)} {100 * i.relative:.2g} %"
@@ -103,24 +126,37 @@ def _ring(found: Campaign) -> list[Estimate]:
 def _contact(found: Campaign) -> list[Estimate]:
     if found.ring is None or found.verdict is None:
         return [undetermined("contact_length", found.no_ring, at) for at in _points(found)]
-    return list(contact_lengths(found.ring, found.verdict))
+    known = list(contact_lengths(found.ring, found.verdict))
+    others = [at for at in _points(found) if not any(dict(e.at) == at for e in known)]
+    return known + [undetermined("contact_length", _why_not(found, at), at) for at in others]
 
 
 def _points(found: Campaign) -> list[dict[str, float | str | bool]]:
-    points = dict.fromkeys((run.nominal_load, run.nominal_speed) for run in _sound(found))
+    points = dict.fromkeys(
+        (run.nominal_load, run.nominal_speed) for run in found.runs if math.isfinite(run.nominal_load)
+    )
     return [{"load": load, "speed": speed} for load, speed in points]
 
 
-def _sound(found: Campaign) -> list[BenchRun]:
-    odd = {one.run for one in found.odd}
-    return [run for run in found.runs if run.name not in odd and math.isfinite(run.nominal_load)]
+def _runs_at(found: Campaign, at: dict[str, float | str | bool]) -> list[BenchRun]:
+    return [run for run in found.runs if (run.nominal_load, run.nominal_speed) == (at["load"], at["speed"])]
+
+
+def _why_not(found: Campaign, at: dict[str, float | str | bool]) -> str:
+    """Return why none of the runs of an operating point serves."""
+    odd = {one.run: one.text for one in found.odd if one.cause != "film"}
+    why = {**found.unfitted, **odd, **found.doubted}
+    return next(
+        (f"{run.name}: {why[run.name]}" for run in _runs_at(found, at) if run.name in why), "no run of it can be used"
+    )
 
 
 def _by_point(found: Campaign) -> list[Estimate]:
     """Return the lengths of the waveform at each load and speed as set, runs of one point pooled by weight."""
     rows = []
     for at in _points(found):
-        runs = [run for run in _sound(found) if (run.nominal_load, run.nominal_speed) == (at["load"], at["speed"])]
+        odd = {one.run for one in found.odd if one.cause != "film"}
+        runs = [run for run in _runs_at(found, at) if run.name not in odd and run.name not in found.doubted]
         for name, field in _LENGTHS.items():
             whole = [r for r in runs if name != "zero_length" or math.isfinite(r.waveform.level)]
             pairs = np.array([
@@ -134,7 +170,8 @@ def _pooled(
     name: str, pairs: np.ndarray, found: Campaign, runs: Sequence[BenchRun], at: dict[str, float | str | bool]
 ) -> Estimate:
     if not len(pairs):
-        return undetermined(name, "the waveform has no such marks: part of the revolution is not recorded", at)
+        none = "the waveform has no such marks: part of the revolution is not recorded"
+        return undetermined(name, none if runs else _why_not(found, at), at)
     values, errors = pairs[:, 0], np.maximum(pairs[:, 1], 1e-9)
     weights = errors**-2.0 / np.sum(errors**-2.0)
     mean = float(weights @ values)
@@ -152,17 +189,22 @@ def _of_runs(found: Campaign) -> list[Estimate]:
         at: dict[str, float | str | bool] = {"run": run.name}
         lift = run.lift
         marks, wave = found.features[run.name], run.waveform
+        if run.name in found.doubted:
+            rows += [undetermined(name, found.doubted[run.name], at) for name in ("sensor_resistance", *_MARKS)]
+            continue
         if math.isfinite(wave.level):
             rows.append(
                 estimate("sensor_resistance", wave.level, wave.level_se, dof=max(wave.revolutions - 1, 1), at=at,
-                         reason="type A; supply and fixed resistor as stated")
+                         reason="type A")
             )  # fmt: skip
         else:
             reason = "part of the revolution is never recorded, so that its mean is not known"
             rows.append(undetermined("sensor_resistance", reason, at))
         for name, field in _MARKS.items():
             value, error = getattr(marks.value, field) + lift, getattr(marks.error, field)
-            if math.isfinite(value):
+            if name.startswith("dip") and run.name in found.mirrored:
+                rows.append(undetermined(name, found.mirrored[run.name], at))
+            elif math.isfinite(value):
                 rows.append(estimate(name, value, error, dof=marks.groups - 1, at=at))
             else:
                 rows.append(
@@ -172,8 +214,6 @@ def _of_runs(found: Campaign) -> list[Estimate]:
 
 
 def _calibration(found: Campaign) -> list[Estimate]:
-    if found.untared:
-        return [undetermined(name, found.untared) for name in _CALIBRATION]
     if found.calibration is None:
         return [undetermined(name, "no run has a load and a peak that can be used") for name in _CALIBRATION]
     words = f"type B in it: load cell {100 * found.tire.load_gain_u:.2g} %"

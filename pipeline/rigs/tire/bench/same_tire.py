@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +14,7 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.tire.bench.bench_run import NOMINAL_U, BenchRun
 from pipeline.rigs.tire.bench.declaration import BenchSettings
 from pipeline.rigs.tire.bench.reference import LOAD
+from pipeline.rigs.tire.conditions import CONVERTER, DIVIDER
 from pipeline.rigs.tire.tire_size import tire_size
 
 # Pressures that differ by more are two (relative); temperatures that differ by more change the gain (K).
@@ -36,6 +37,8 @@ class Tire:
         Relative standard uncertainties, of the runs or of the settings; that of the loads is larger where they were only set.
     pressure
         Pressure of most of the runs.
+    assumed
+        What is taken of divider and converter because not all runs state it.
     """
 
     size: str | None = None
@@ -48,6 +51,7 @@ class Tire:
     pressure_u: float = 0.01
     load_gain_u: float = 0.005
     free_radius_u: float = 0.005
+    assumed: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def length(self) -> float:
@@ -104,8 +108,10 @@ def one_tire(runs: Sequence[BenchRun], settings: BenchSettings) -> OneTire:
         pressure_u=_most(kept, "pressure_u", settings.pressure_u),
         load_gain_u=max(_most(kept, "load_gain_u", settings.load_gain_u), NOMINAL_U if any_set else 0.0),
         free_radius_u=settings.free_radius_u,
+        assumed={name: value for run in kept for name, value in run.device.assumed.items()},
     )
     findings += _unstated(tire, kept)
+    findings += _circuit(tire, kept)
     findings += _pressures(tire, kept)
     findings += _temperatures(kept)
     return OneTire(tire, kept, left_out, findings)
@@ -173,6 +179,40 @@ def _unstated(tire: Tire, runs: Sequence[BenchRun]) -> list[QualityFinding]:
         for name, (value, what) in lacks.items()
         if value is None and runs
     ]
+
+
+def _circuit(tire: Tire, runs: Sequence[BenchRun]) -> list[QualityFinding]:
+    """Tell what is taken of divider and converter because runs do not state it."""
+    if not tire.assumed:
+        return []
+    lacking = [run.name for run in runs if run.device.assumed]
+    where = (
+        "no run" if len(lacking) == len(runs) else f"{listing(lacking, 4)} {'does' if len(lacking) == 1 else 'do'} not"
+    )
+    verb = "states" if where == "no run" else "state"
+    what = []
+    if any(name in DIVIDER for name in tire.assumed):
+        what.append("every number in ohm, and the PVDF's gain over the flex sensor")
+    if any(name in CONVERTER for name in tire.assumed):
+        what.append("every voltage")
+    text = (
+        f"{in_words(tire.assumed)} {were(tire.assumed)} taken, as {where} {verb} {'it' if len(tire.assumed) == 1 else 'them'}: {' and '.join(what)} rests on that. "
+        "Give the rig's own values in the recipe, in runs.csv or in the log"
+    )
+    return [QualityFinding("warning", text)]
+
+
+def in_words(assumed: Mapping[str, float]) -> str:
+    """Return values of the circuit by name, with their units."""
+    return listing([f"{name} {_VALUES[name].format(value)}" for name, value in assumed.items()], 6)
+
+
+_VALUES = {"supply_voltage": "{:g} V", "divider_resistance": "{:g} ohm", "adc_reference": "{:g} V", "adc_bits": "{:g}"}
+
+
+def were(names: Collection[str]) -> str:
+    """Return the verb of one or several."""
+    return "was" if len(names) == 1 else "were"
 
 
 def _pressures(tire: Tire, runs: Sequence[BenchRun]) -> list[QualityFinding]:

@@ -101,7 +101,9 @@ def _ring(said: Judgement, found: Campaign) -> None:
         tell(f"The ring was not fitted: {ended(found.no_ring)}")
         return
     if not verdict.fits:
-        said.reject(ended(verdict.statement))
+        said.reject(
+            " ".join(ended(one[0].upper() + one[1:]) for one in (verdict.statement, found.circuit_doubt) if one)
+        )
         said.advice.append(
             "Find out what the ring lacks: repeat one run after an hour (creep, temperature), measure pressure before and after, the sensor's "
             "length with a rule, and the load under the tire."
@@ -148,18 +150,15 @@ def _film(said: Judgement, found: Campaign) -> None:
     if found.film is None:
         said.reasons.append(f"Whether both sensors are bonded alike is not checked: {ended(found.no_film)}")
         return
-    tell = (
-        said.reasons.append
-        if found.film.verdict == "good"
-        else said.warn
-        if found.film.verdict == "bad"
-        else said.reasons.append
-    )
-    tell(
-        ended(
-            f"Bonding {'ok' if found.film.verdict == 'good' else 'suspect' if found.film.verdict == 'bad' else 'fair'}: {found.film.statement}"
+    suspects = [one.run for one in found.odd if one.cause in ("sensor", "film", "unknown")]
+    suspects += sorted({*found.misfit, *found.unbonded} - set(suspects))
+    if suspects:
+        said.warn(
+            ended(f"Bonding suspect in {listing(suspects, 6)}, see there. In the other runs: {found.film.statement}")
         )
-    )
+    else:
+        word = {"good": "ok", "bad": "suspect"}.get(found.film.verdict, "fair")
+        (said.warn if word == "suspect" else said.reasons.append)(ended(f"Bonding {word}: {found.film.statement}"))
     for name in FILM:
         if found.film.estimates[name].value is None and found.film.verdict != "bad":
             said.warn(f"{_WORDS[name]} is not determined: {ended(found.film.estimates[name].reason)}")

@@ -1,0 +1,105 @@
+"""The load calibration of a campaign: which runs enter it, and whether it can be relied on."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.errors import listing
+from pipeline.estimation.estimate import undetermined
+from pipeline.recording import QualityFinding
+from pipeline.rigs.tire.bench.bench_run import BenchRun
+from pipeline.rigs.tire.bench.calibration import PeakPoint, calibrate
+from pipeline.rigs.tire.bench.campaign import Campaign
+from pipeline.rigs.tire.bench.reference import LOAD
+from pipeline.rigs.tire.bench.same_tire import at_usual_pressure
+
+
+def nominal_loads(runs: Sequence[BenchRun]) -> list[QualityFinding]:
+    """Tell of runs whose load is the one that was set."""
+    without = [run for run in runs if LOAD not in run.reference.means]
+    if not without:
+        return []
+    known = [run.name for run in without if math.isfinite(run.load)]
+    unknown = [run.name for run in without if not math.isfinite(run.load)]
+    found = []
+    if known:
+        text = f"no vertical_load that can be used in {listing(known, 6)}: nominal_load is taken for it, 2 % uncertain. Log the load cell"
+        found.append(QualityFinding("warning", text, None, LOAD))
+    if unknown:
+        text = (
+            f"neither vertical_load nor nominal_load in {listing(unknown, 6)}: these runs serve the rolling radius only. Give nominal_load in "
+            "runs.csv, or log the load cell"
+        )
+        found.append(QualityFinding("warning", text, None, LOAD))
+    return found
+
+
+def calibrate_peaks(found: Campaign) -> None:
+    """Regress the peaks of the runs at the usual pressure; those at another speed are left out there."""
+    points = []
+    ways = [_direction(run.name) for run in found.runs]
+    for run, way in zip(found.runs, ways, strict=True):
+        if run.name in found.uncalibrated:
+            continue
+        if not at_usual_pressure(run, found.tire):
+            found.uncalibrated[run.name] = "it was made at another inflation pressure"
+            continue
+        if not math.isfinite(run.level):
+            found.uncalibrated[run.name] = "the mean of its revolution is not known, as part of it is not recorded"
+            continue
+        marks = found.features[run.name]
+        whole = run.revolutions.whole
+        points.append(
+            PeakPoint(
+                run.name, run.load, run.load_se, marks.value.peak + run.lift, marks.error.peak, run.nominal_load, run.rotation * found.radius,
+                float(np.std(run.revolutions.amplitude[whole])) if whole.sum() > 2 else 0.0, way if min(ways) < 0 else 0,
+            )
+        )  # fmt: skip
+    first = found.runs[0].device
+    levels = [run.level for run in found.runs if math.isfinite(run.level)]
+    level = float(np.mean(levels)) if levels else first.divider_resistance
+    masses = [mass for run in found.runs if (mass := run.told("moving_mass")) is not None]
+    found.calibration = calibrate(
+        points, level, first.supply_voltage, first.divider_resistance, load_gain_u=found.tire.load_gain_u, mass=masses[0] if masses else None
+    )  # fmt: skip
+    found.uncalibrated.update(found.calibration.left_out)
+    friction = found.calibration.friction
+    if (
+        friction is not None
+        and friction.value is not None
+        and friction.ci95 is not None
+        and not friction.ci95[0] <= 0.0 <= friction.ci95[1]
+    ):
+        found.friction = {run.name: way * friction.value for run, way in zip(found.runs, ways, strict=True)}
+
+
+def _direction(name: str) -> int:
+    """Return -1 for a run whose name says that its load was reached from above, else +1."""
+    return -1 if re.search(r"(?<![a-z])(down|unload\w*|ab|release)(?![a-z])", name.lower()) else 1
+
+
+def withdraw_doubtful(found: Campaign) -> None:
+    """Take the curve back where loads or resistances that it rests on are not believed."""
+    known = found.calibration
+    why = found.untared or found.circuit_doubt or _off_zero(found)
+    if known is None or not why:
+        return
+    none = {name: undetermined(name, why) for name in known.estimates}
+    found.calibration = replace(
+        known, curve=None, reason=why, estimates=none, residuals=np.full(len(known.points), math.nan), lack_of_fit=None, remarks=()
+    )  # fmt: skip
+
+
+def _off_zero(found: Campaign) -> str:
+    """Doubt a load cell that shows a load where there is no peak, where the ring does not fit on its loads either."""
+    if found.calibration is None or found.calibration.offset is None or found.verdict is None or found.verdict.fits:
+        return ""
+    return (
+        f"the peaks over load point to no peak at {found.calibration.offset:.0f} N instead of 0 N, and the ring model does not fit on these loads: the load "
+        "cell seems not to be tared. Tare it, and state nominal_load"
+    )

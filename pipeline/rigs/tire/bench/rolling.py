@@ -1,0 +1,52 @@
+"""The rolling radius of a campaign: the speed line, held against the tire's size; by the size where no speed was measured."""
+
+from __future__ import annotations
+
+import math
+
+from pipeline.errors import listing
+from pipeline.recording import QualityFinding
+from pipeline.rigs.tire.bench.campaign import BY_SIZE_U, Campaign
+from pipeline.rigs.tire.bench.speed_faults import odd_radii
+from pipeline.rigs.tire.bench.speed_line import expected_radius, speed_line
+
+# A tire's rolling radius lies this close to the one by its size (relative).
+_BELIEVED = 0.015
+
+
+def roll(found: Campaign) -> None:
+    """Fit the speed line, or take the radius by the tire's size."""
+    odd = odd_radii(found.runs)
+    found.findings += [QualityFinding("warning", text, name, "road_speed") for name, text in odd.items()]
+    points = [run.point for run in found.runs if run.name not in odd and math.isfinite(run.point.speed)]
+    diameter = 2.0 * found.tire.free_radius if found.tire.free_radius is not None else None
+    if points:
+        found.line = speed_line(points, diameter)
+        value, error = found.line.radius.value, found.line.radius.std_error
+        if value is not None and error is not None:
+            found.radius, found.radius_u = value, error / value
+            _hold_against_size(found)
+            return
+    if diameter is not None:
+        found.radius = expected_radius(diameter)
+    reasons = list(dict.fromkeys(run.reference.why_not.get("road_speed", "") for run in found.runs))
+    found.no_line = f"no run has a road_speed that can be used ({listing([r for r in reasons if r], 3)})"
+    text = (
+        f"{found.no_line}: the rolling radius is not told, and the ring fit takes {1e3 * found.radius:.1f} mm by the tire's size (3.05 nominal "
+        f"diameters a turn), {100 * BY_SIZE_U:g} % uncertain. Log the surface speed of drum or belt"
+    )
+    found.findings.append(QualityFinding("warning", text, None, "road_speed"))
+
+
+def _hold_against_size(found: Campaign) -> None:
+    """Doubt a tire size that the rolling radius contradicts: it sets the scale of the ring."""
+    free = found.tire.free_radius
+    if free is None or abs(found.radius / expected_radius(2.0 * free) - 1.0) <= _BELIEVED:
+        return
+    found.size_doubted = True
+    text = (
+        f"the tire rolls on {1e3 * found.radius:.1f} mm, and {found.tire.size} of free radius {1e3 * free:.1f} mm on about "
+        f"{1e3 * expected_radius(2.0 * free):.1f} mm: tire_size or road_speed is wrong. The ring fit takes {1e3 * found.free_radius:.1f} mm as free radius instead. "
+        "Read the size off the side wall"
+    )
+    found.findings.append(QualityFinding("warning", text))
