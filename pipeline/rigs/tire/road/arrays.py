@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 # The columns of `revolutions`, which the rig's sheet fixes (section 11).
 REVOLUTIONS = (
     "run", "revolution", "time", "speed", "speed_se", "vertical_load", "vertical_load_se", "longitudinal_force",
-    "longitudinal_force_se", "speed_filtered", "speed_filtered_se", "vertical_load_filtered", "vertical_load_filtered_se",
-    "longitudinal_force_filtered", "longitudinal_force_filtered_se",
+    "longitudinal_force_se", "speed_filtered", "speed_se_filtered", "vertical_load_filtered", "vertical_load_se_filtered",
+    "longitudinal_force_filtered", "longitudinal_force_se_filtered",
 )  # fmt: skip
 
-# A track predicted through lost passages until its error is so many times the usual one says nothing.
-_BLIND = 5.0
+# A track is predicted through lost passages until its error is so many times the usual one, no longer than so long (s).
+_BLIND, _LONGEST = 10.0, 5.0
 # What is lost is told by so many stretches of the drive.
 _STRETCHES = 240
 
@@ -79,7 +79,9 @@ def filtered(track: Track | None, m: int) -> tuple[np.ndarray, np.ndarray]:
     nothing = np.full(m, math.nan)
     if track is None:
         return nothing, nothing
-    tells = track.se < _BLIND * np.nanmedian(track.se)
+    measured = np.isfinite(track.nis)
+    last = np.maximum.accumulate(np.where(measured, track.time, -math.inf))
+    tells = (track.time - last < _LONGEST) & (track.se < _BLIND * np.median(track.se[measured]))
     return np.where(tells, track.value, math.nan), np.where(tells, track.se, math.nan)
 
 

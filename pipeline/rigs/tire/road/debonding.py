@@ -16,6 +16,7 @@ _AROUND = 25
 _STEP = 5.0
 _SMALL, _FINE = 0.02, 8.0
 _SURE = 5.0
+_LEAST_DRIFT = 0.01
 _NORMAL = 1.4826
 
 
@@ -56,6 +57,8 @@ class Bonding:
         Sudden changes, in order of time.
     drift, drift_se
         Slow change without the steps, relative per hour.
+    span, least
+        Of the drive, s; the least change over it that is a drift, relative.
     """
 
     time: np.ndarray
@@ -66,6 +69,7 @@ class Bonding:
     drift: float
     drift_se: float
     span: float
+    least: float = 0.01
 
     @property
     def ok(self) -> bool:
@@ -74,8 +78,8 @@ class Bonding:
 
     @property
     def drifts(self) -> bool:
-        """Whether the ratio moves by more than its errors over the drive, and by more than 1 %."""
-        return abs(self.drift) > _SURE * self.drift_se and abs(self.drift) * self.span / 3600.0 > 0.01
+        """Whether the ratio moves by more than its errors over the drive, and by more than the least."""
+        return abs(self.drift) > _SURE * self.drift_se and abs(self.drift) * self.span / 3600.0 > self.least
 
     @property
     def verdict(self) -> str:
@@ -99,11 +103,14 @@ class Bonding:
         return f"flex sensor and film agree: no step, drift {100.0 * self.drift:+.2f} +- {100.0 * self.drift_se:.2f} % per hour"
 
 
-def debonding(time: np.ndarray, ratio: np.ndarray, usable: np.ndarray | None = None) -> Bonding:
+def debonding(
+    time: np.ndarray, ratio: np.ndarray, usable: np.ndarray | None = None, least: float = _LEAST_DRIFT
+) -> Bonding:
     """Return steps and drift of the ratio flex over film, shape (m,), along `time` (s).
 
     A step is one of more than 5 standard deviations of one revolution, or of 2 % where that is 8 standard errors:
-    medians of 25 revolutions on either side against each other, so a single wild revolution is none.
+    medians of 25 revolutions on either side against each other, so a single wild revolution is none. Steps and drifts
+    below `least` (relative) are left out: where the ratio goes with the load too, that has to be larger.
     """
     kept = np.isfinite(ratio) & (ratio > 0.0)
     if usable is not None:
@@ -113,14 +120,14 @@ def debonding(time: np.ndarray, ratio: np.ndarray, usable: np.ndarray | None = N
         return Bonding(t, r, math.nan, math.nan, (), math.nan, math.nan, math.nan)
     logs = np.log(r)
     sd = _scatter(logs)
-    edges = _steps(logs, sd)
+    edges = _steps(logs, sd, least if least > _LEAST_DRIFT else 0.0)
     bounds = [0, *edges, t.size]
     steps = tuple(
         _step(t, logs, sd, before, at, after) for before, at, after in zip(bounds[:-2], edges, bounds[2:], strict=True)
     )
     drift, drift_se = _drift(t, logs, edges)
     span = float(t[-1] - t[0])
-    return Bonding(t, r, sd, float(np.exp(np.median(logs[: bounds[1]]))), steps, drift, drift_se, span)
+    return Bonding(t, r, sd, float(np.exp(np.median(logs[: bounds[1]]))), steps, drift, drift_se, span, least)
 
 
 def _scatter(logs: np.ndarray) -> float:
@@ -129,7 +136,7 @@ def _scatter(logs: np.ndarray) -> float:
     return max(1e-6, float(_NORMAL * np.median(np.abs(apart - np.median(apart))) / math.sqrt(2.0)))
 
 
-def _steps(logs: np.ndarray, sd: float) -> list[int]:
+def _steps(logs: np.ndarray, sd: float, least: float) -> list[int]:
     """Return the first revolution after each step."""
     heights = np.zeros(logs.size)
     for i in range(_LEAST, logs.size - _LEAST + 1):
@@ -137,7 +144,7 @@ def _steps(logs: np.ndarray, sd: float) -> list[int]:
         heights[i] = float(np.median(after) - np.median(before))
     found: list[int] = []
     # Medians of many revolutions show a smaller step as well.
-    big = np.abs(heights) > min(_STEP * sd, max(_SMALL, _FINE * 1.2533 * sd * math.sqrt(2.0 / _AROUND)))
+    big = np.abs(heights) > max(least, min(_STEP * sd, max(_SMALL, _FINE * 1.2533 * sd * math.sqrt(2.0 / _AROUND))))
     while big.any():
         about = int(np.argmax(np.where(big, np.abs(heights), 0.0)))
         low, high = max(0, about - _AROUND), min(logs.size, about + _AROUND)

@@ -6,11 +6,12 @@ One tire cannot tell steering from a bump: both are vertical. A change slower th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-VERTICAL, LONGITUDINAL = "vertical", "longitudinal"
+from pipeline.rigs.tire.road.event_centre import LONGITUDINAL, VERTICAL, Event, event_of
+from pipeline.rigs.tire.road.rolling_force import rolling_force
+
 _FEWEST_IN_WINDOW = 5
 # Of normal deviations a quarter is smaller than this many standard deviations.
 _LOWER_QUARTER = 0.3186394
@@ -21,39 +22,11 @@ _NEXT = 1.5
 # Revolutions that may lack within an event, and the deviation over its limit that they need.
 _REACH = 2
 _BETWEEN = 0.25
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something that happened to the tire.
-
-    Attributes
-    ----------
-    kind
-        `VERTICAL` (steering, bump) or `LONGITUDINAL` (driving, braking).
-    time, time_se
-        Centre of the deviation, s, and its standard error.
-    first, last
-        First and last revolution beyond the limit, s.
-    change
-        Largest deviation, N: of the load from its running median, or the longitudinal force.
-    deviations
-        The same in standard deviations.
-    revolutions
-        How many are beyond the limit.
-    cut
-        Whether it reaches the end of the log or of a gap: centre and change are of what was seen.
-    """
-
-    kind: str
-    time: float
-    time_se: float
-    first: float
-    last: float
-    change: float
-    deviations: float
-    revolutions: int
-    cut: bool
+# Of a long event so large a share may be below the limit in one piece.
+_SHARE = 0.25
+# How many revolutions weigh together, and the share of the limit that each of them needs; which of them are a few.
+_TOGETHER = {2: 0.5, 3: 0.5, 5: 0.25, 9: 0.25, 17: 0.25}
+_FEW = 3
 
 
 def quiet_load(time: np.ndarray, load: np.ndarray, window: float) -> np.ndarray:
@@ -81,12 +54,14 @@ def events(
     deviation: float = 4.0,
     longitudinal: float = 6.0,
     window: float = 12.0,
+    span: tuple[float, float] | None = None,
 ) -> list[Event]:
     """Return the events of a drive in order of time.
 
-    A standard deviation is that of the revolution, scaled by the quietest quarter of the drive: so a road of many
-    events hides none, and a rough road is not one event. What the load does in proportion to the longitudinal force is
-    load transfer and no event of its own.
+    A standard deviation is that of the revolution, scaled by the quietest quarter of the drive (of the force: where the
+    speed is steady): so a drive of many events hides none, and a rough road is not one event. The force counts from what
+    steady rolling at that speed takes (`rolling_force`): wind and rolling resistance are no event. What the load does in
+    proportion to the longitudinal force is load transfer and no event of its own.
 
     Parameters
     ----------
@@ -100,6 +75,8 @@ def events(
         Standard deviations from which a revolution deviates, and from which an event is longitudinal.
     window
         Of the running median, s.
+    span
+        Begin and end of the log, s; by default those of the revolutions.
     """
     known = np.isfinite(load) & np.isfinite(force) & np.isfinite(load_se) & np.isfinite(force_se)
     if usable is not None:
@@ -107,21 +84,26 @@ def events(
     at = np.flatnonzero(known)
     if at.size < 2 * _FEWEST_IN_WINDOW:
         return []
-    t, rotation, Fz, Fx = time[at], speed[at], load[at], force[at]
-    force_sd = force_se[at] * _scale(Fx / force_se[at])
+    t, rotation, Fz = time[at], speed[at], load[at]
+    usual, steady = rolling_force(t, rotation, force[at])
+    Fx = force[at] - usual
+    force_sd = force_se[at] * _scale((Fx / force_se[at])[steady])
     carried, strong = _load_transfer(t, Fz, Fx, force_sd, longitudinal, window)
     left = Fz - carried
     left = left - quiet_load(t, left, window)
     load_sd = load_se[at] * _scale(left / load_se[at])
+    turn = 2.0 * math.pi / rotation
+    ends = (t[0], t[-1]) if span is None else span
     joins = np.diff(t) * np.minimum(rotation[1:], rotation[:-1]) < _NEXT * 2.0 * math.pi
     found = []
-    for begin, end in _runs(Fx / (deviation * force_sd), t, rotation):
-        event = _event(LONGITUDINAL, t, Fx, force_sd, begin, end, joins)
+    for begin, end in _runs(Fx / (deviation * force_sd), t, rotation, np.ones(t.size, dtype=bool)):
+        event = event_of(LONGITUDINAL, t, Fx, force_sd, begin, end, joins, turn, ends)
         if event.deviations > longitudinal:
             found.append(event)
     limit = deviation * np.where(strong, _WITHIN, 1.0)
-    for begin, end in _runs(left / (limit * load_sd), t, rotation):
-        found.append(_event(VERTICAL, t, left, load_sd, begin, end, joins))
+    inner = (t - t[0] > 0.5 * window) & (t[-1] - t > 0.5 * window)
+    for begin, end in _runs(left / (limit * load_sd), t, rotation, inner):
+        found.append(event_of(VERTICAL, t, left, load_sd, begin, end, joins, turn, ends))
     return sorted(found, key=lambda event: event.time)
 
 
@@ -146,25 +128,28 @@ def _load_transfer(
     return carried, strong
 
 
-def _runs(beyond: np.ndarray, time: np.ndarray, rotation: np.ndarray) -> list[tuple[int, int]]:
+def _runs(beyond: np.ndarray, time: np.ndarray, rotation: np.ndarray, inner: np.ndarray) -> list[tuple[int, int]]:
     """Return first and last place of each stretch that is an event; `beyond` is the deviation over its limit, signed.
 
-    Two revolutions in a row at the limit are one. So are two or three above half of it that weigh as much together:
-    a short event between two passages is lower on both.
+    Two revolutions in a row at the limit are one. So are some that weigh as much together, each above a share of it
+    (`_TOGETHER`): a short event between two passages is lower on both, a gentle one lasts. Many weigh together only
+    where `inner`: there what they deviate from is known well enough.
     """
     core = np.zeros(beyond.size, dtype=bool)
     rho = _correlation(beyond)
     turns = np.concatenate([[math.inf], np.diff(time) * np.minimum(rotation[1:], rotation[:-1]) / (2.0 * math.pi)])
-    for count in (2, 3):
+    for count, share in _TOGETHER.items():
         if beyond.size < count:
             break
         windows = np.lib.stride_tricks.sliding_window_view(beyond, count)
         least = (np.sign(windows[:, :1]) * windows).min(axis=1)
         # Revolutions whose errors go together weigh less together.
         widened = math.sqrt(1.0 + 2.0 * sum((1.0 - k / count) * rho**k for k in range(1, count)))
-        enough = (least > 0.5) & (np.abs(windows.sum(axis=1)) >= widened * math.sqrt(2.0 * count))
+        enough = (least > share) & (np.abs(windows.sum(axis=1)) >= widened * math.sqrt(2.0 * count))
         enough |= least >= 1.0
         enough &= np.lib.stride_tricks.sliding_window_view(turns, count)[:, 1:].max(axis=1) < _REACH + 0.5
+        if count > _FEW:
+            enough &= inner[: enough.size] & inner[count - 1 :]
         for i in np.flatnonzero(enough):
             core[i : i + count] = True
     found: list[list[int]] = []
@@ -172,8 +157,10 @@ def _runs(beyond: np.ndarray, time: np.ndarray, rotation: np.ndarray) -> list[tu
         if found:
             last = found[-1][1]
             apart = (time[i] - time[last]) * rotation[last] / (2.0 * math.pi)
-            lowest = float((np.sign(beyond[i]) * beyond[last : i + 1]).min())
-            if i - last <= _REACH and apart < _REACH + 0.5 and lowest > _BETWEEN:
+            between = np.sign(beyond[i]) * beyond[last : i + 1]
+            reach = max(_REACH, _SHARE * (last - found[-1][0]))
+            filled = i - last == 1 or float(between[1:-1].mean()) > _BETWEEN
+            if apart < reach + 0.5 and between[0] > 0.0 and filled:
                 found[-1][1] = int(i)
                 continue
         found.append([int(i), int(i)])
@@ -188,32 +175,3 @@ def _correlation(values: np.ndarray) -> float:
         return 0.0
     agreeing = float(np.mean(np.sign(values[1:][both] * values[:-1][both])))
     return float(np.clip(math.sin(0.5 * math.pi * agreeing), 0.0, 0.9))
-
-
-def _event(
-    kind: str, time: np.ndarray, values: np.ndarray, sd: np.ndarray, begin: int, end: int, joins: np.ndarray
-) -> Event:
-    """Return the event of a stretch: its centre is the centroid of the deviation with a revolution on either side."""
-    a, b = max(begin - 1, 0), min(end + 1, time.size - 1)
-    top = begin + int(np.argmax(np.abs(values[begin : end + 1])))
-    side = np.sign(values[top])
-    height = np.maximum(side * values[a : b + 1], 0.0)
-    spans = np.gradient(time[a : b + 1])
-    weight = height * spans
-    centre = float((weight * time[a : b + 1]).sum() / weight.sum())
-    lever = spans * (time[a : b + 1] - centre) / weight.sum()
-    noise = float(np.sqrt(((lever * sd[a : b + 1]) ** 2).sum()))
-    # Where the deviation begins and ends is seen once a turn only; as it fades in and out, a quarter of that is felt.
-    sampled = 0.25 * float(spans.max()) / math.sqrt(12.0)
-    cut = begin == 0 or end == time.size - 1 or not joins[max(begin - 1, 0) : end + 1].all()
-    return Event(
-        kind,
-        centre,
-        math.hypot(noise, sampled),
-        float(time[begin]),
-        float(time[end]),
-        float(values[top]),
-        float(np.abs(values[top]) / sd[top]),
-        int(end - begin + 1),
-        bool(cut),
-    )

@@ -17,6 +17,8 @@ LEAST_LOAD = 20.0
 _COARSE_PASSES = 10
 _FARTHEST = 0.6
 _UNKNOWNS = 8
+# Share of the bend around by which the rates of load and force within a turn may be off: half of it is noise.
+_BENT = 0.25
 # Load and force always may bend a little, N/s.
 _LEAST_BEND = 1.0
 # The angle between two passages is never better known, relative.
@@ -247,7 +249,7 @@ def _changes(data: Passages, state: State) -> tuple[np.ndarray, np.ndarray]:
         bend = np.where(both, np.abs(after - before), np.abs(rates[:, i]))
         bends[:, i] = np.maximum(bend, np.maximum(np.append(bend[1:], 0.0), np.append(0.0, bend[:-1])))
     spread = np.empty((data.time.size, 4))
-    spread[:, :2] = 0.5 * bends[:, :2] + _LEAST_BEND
+    spread[:, :2] = _BENT * bends[:, :2] + _LEAST_BEND
     turn = 2.0 * np.pi / data.speed
     spread[:, 2] = 0.5 * bends[:, 2] * turn / data.speed + _LEAST_STRETCH
     spread[:, 3] = spread[:, 2] / (2.0 * np.pi)

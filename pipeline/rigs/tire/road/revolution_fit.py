@@ -85,7 +85,7 @@ class Forces:
 
 
 def joined(parts: list[Forces]) -> Forces:
-    """Return the revolutions of several parts in one."""
+    """Return the revolutions of several parts in one; ValueError where there is no part."""
     return Forces(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Forces)})
 
 

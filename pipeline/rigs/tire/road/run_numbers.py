@@ -11,15 +11,18 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.tire.passages.device import Device, device_of
-from pipeline.rigs.tire.passages.passage_faults import Course, course_of
+from pipeline.rigs.tire.passages.passage_faults import Course, course_of, passage_findings
 from pipeline.rigs.tire.passages.revolutions import Revolutions, revolutions_of
 from pipeline.rigs.tire.road.asymmetry import Asymmetry, AsymmetrySum
 from pipeline.rigs.tire.road.carried_errors import calibrated, parts
 from pipeline.rigs.tire.road.debonding import Bonding, Step, debonding
 from pipeline.rigs.tire.road.declaration import RoadSettings
-from pipeline.rigs.tire.road.events import Event, events
+from pipeline.rigs.tire.road.event_centre import Event
+from pipeline.rigs.tire.road.events import events
 from pipeline.rigs.tire.road.handed_over import Carried, Chosen, RoadTire, carried, withheld
+from pipeline.rigs.tire.road.height_ratio import LEAST_STEP, height_ratio
 from pipeline.rigs.tire.road.library import WaveformLibrary, library
+from pipeline.rigs.tire.road.neighbour_scatter import with_scatter
 from pipeline.rigs.tire.road.noise_spectrum import NoiseSpectrum
 from pipeline.rigs.tire.road.record import References, references_of
 from pipeline.rigs.tire.road.reference import Comparison, ReferenceTable, compare, own_direction
@@ -195,7 +198,7 @@ def numbers_of(
     Raises
     ------
     InputError
-        If it has no flex sensor, is a run of the bench, or its tire size is none.
+        If it has no flex sensor or no passage, is a run of the bench, or its tire size is none.
     """
     if str(recording.conditions.get("bench_or_road", "")).strip().lower() == _BENCH:
         raise InputError(
@@ -206,7 +209,7 @@ def numbers_of(
     known = libraries.of(held.tire) if held.tire is not None else None
     forces, course, asymmetry, noise = _passed(device, known, progress)
     ratio = _ratio(forces, held, course)
-    bonding = debonding(forces.time, ratio) if np.isfinite(ratio).any() else None
+    bonding = _bonding(forces, ratio, held)
     came_off = _came_off(bonding)
     if came_off is not None:
         forces = replace(forces, fits=forces.fits & (forces.time < came_off.time))
@@ -214,22 +217,24 @@ def numbers_of(
         held = replace(held, tire=None, reason=reason)
         held = replace(held, findings=(*held.findings, withheld(recording.run, reason)))
         forces = replace(forces, fits=np.zeros(len(forces), dtype=bool))
+    forces = with_scatter(forces)
     references = references_of(recording)
     common = _common(held, known, forces)
     radius = held.radius
     compared = _compared(forces, references, held, device)
+    turning = rotation_known(forces)
     return RunNumbers(
         run=recording.run,
         device=device,
         course=course,
         carried=held,
         forces=forces,
-        speed=np.where(rotation_known(forces), radius.value * forces.speed, math.nan),
-        speed_se=radius.value * forces.speed_se,
+        speed=np.where(turning, radius.value * forces.speed, math.nan),
+        speed_se=np.where(turning, radius.value * forces.speed_se, math.nan),
         common=common,
         speed_sd=radius.std_error * forces.speed,
         tracks=_tracks(forces, held, settings),
-        events=_events(forces, held, settings),
+        events=_events(forces, held, settings, device.span),
         ratio=ratio,
         bonding=bonding,
         references=references,
@@ -265,8 +270,22 @@ def _passed(
     if rest is not None:
         parts.append(rest)
     progress(1.0)
+    if not parts:
+        raise InputError(_no_passage(device, course))
     forces = joined(parts)
     return forces, course, dips.close(forces), fit.noise if fit is not None else None
+
+
+def _no_passage(device: Device, course: Course) -> str:
+    """Say why there is no revolution at all."""
+    told = [
+        q.message
+        for level in ("error", "warning", "note")
+        for q in passage_findings(device, course, None)
+        if q.level == level
+    ]
+    why = f" {told[0]}" if told else ""
+    return f"no passage of the sensor through the contact patch is in this log: nothing can be told of the drive.{why}"
 
 
 def _common(held: Carried, known: WaveformLibrary | None, forces: Forces) -> Common:
@@ -315,7 +334,7 @@ def _tracks(forces: Forces, held: Carried, settings: RoadSettings) -> dict[str, 
     return found
 
 
-def _events(forces: Forces, held: Carried, settings: RoadSettings) -> tuple[Event, ...]:
+def _events(forces: Forces, held: Carried, settings: RoadSettings, span: tuple[float, float]) -> tuple[Event, ...]:
     if held.tire is None or not forces.fits.any():
         return ()
     found = events(
@@ -329,6 +348,7 @@ def _events(forces: Forces, held: Carried, settings: RoadSettings) -> tuple[Even
         deviation=settings.event_sd,
         longitudinal=settings.longitudinal_sd,
         window=settings.event_median,
+        span=span,
     )
     return tuple(found)
 
@@ -339,7 +359,15 @@ def _ratio(forces: Forces, held: Carried, course: Course) -> np.ndarray:
         return forces.gain_ratio
     if course.film_amplitude is None:
         return np.full(len(forces), math.nan)
-    return np.asarray(course.amplitude / np.where(course.film_amplitude > 0.0, course.film_amplitude, math.nan))
+    return height_ratio(course.amplitude, course.film_amplitude, course.speed)
+
+
+def _bonding(forces: Forces, ratio: np.ndarray, held: Carried) -> Bonding | None:
+    if not np.isfinite(ratio).any():
+        return None
+    if held.tire is not None and held.tire.bench.film is not None:
+        return debonding(forces.time, ratio)
+    return debonding(forces.time, ratio, least=LEAST_STEP)
 
 
 def _came_off(bonding: Bonding | None) -> Step | None:

@@ -92,7 +92,7 @@ def tracks(findings: Findings, run: str) -> list[Figure]:
 def _panel(findings: Findings, run: str, name: str, axis: Axis, reference: np.ndarray, gaps: np.ndarray) -> Panel:
     table = of_run(findings.arrays["revolutions"], run)
     time, raw = table["time"].to_numpy(), table[name].to_numpy()
-    value, se = table[f"{name}_filtered"].to_numpy(), table[f"{name}_filtered_se"].to_numpy()
+    value, se = table[f"{name}_filtered"].to_numpy(), table[f"{name}_se_filtered"].to_numpy()
     low, high = value - 2.0 * se, value + 2.0 * se
     marks: list[Mark] = []
     if name != "speed":

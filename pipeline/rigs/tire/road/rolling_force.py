@@ -1,0 +1,38 @@
+"""The longitudinal force that steady rolling takes, by speed: wind and rolling resistance are no event."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+# Steady: rad/s^2 (0.3 m/s^2) over so many revolutions on either side; how many tell a force, over what range of speed squared.
+_STEADY, _AROUND = 1.0, 4
+_FEWEST_STEADY, _STEADY_SHARE, _RANGE = 20, 0.1, 0.3
+
+
+def rolling_force(time: np.ndarray, rotation: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the force that steady rolling takes at each revolution, N, and where the rotation is steady, shape (m,) each.
+
+    b0 + b2 Omega^2 by least absolute deviations over the revolutions without acceleration; 0 where these are too few.
+    """
+    change = np.full(time.size, math.inf)
+    if time.size > 2 * _AROUND:
+        lapse = time[2 * _AROUND :] - time[: -2 * _AROUND]
+        change[_AROUND:-_AROUND] = (rotation[2 * _AROUND :] - rotation[: -2 * _AROUND]) / lapse
+    steady = np.abs(change) < _STEADY
+    if np.count_nonzero(steady) < max(_FEWEST_STEADY, _STEADY_SHARE * time.size):
+        return np.zeros(time.size), np.ones(time.size, dtype=bool)
+    x, y = rotation[steady] ** 2, force[steady]
+    square = x.max() or 1.0
+    columns = [np.ones(x.size)] + ([x / square] if np.ptp(x) > _RANGE * square else [])
+    A = np.column_stack(columns)
+    found = np.zeros(A.shape[1])
+    weight = np.ones(y.size)
+    for _ in range(20):
+        found, *_ = np.linalg.lstsq(A * weight[:, None], y * weight, rcond=None)
+        weight = 1.0 / np.sqrt(np.maximum(np.abs(y - A @ found), 1.0))
+    usual = np.full(time.size, found[0])
+    if found.size > 1:
+        usual += found[1] * np.minimum(rotation**2 / square, 1.0)
+    return usual, steady
