@@ -21,7 +21,8 @@ class Axis:
     """Label without unit, SI unit, scale. The report picks mm for m and the like.
 
     `whole` keeps the ticks at whole numbers (orders, runs).
-    Units that are no SI units say how numbers are read: '%' a ratio, 'degC' an absolute temperature in K.
+    Units that are no SI units say how numbers are read: '%' a ratio, 'degC' an absolute temperature in K, 'km/h' a
+    speed in m/s.
     """
 
     label: str
@@ -177,7 +178,7 @@ Cell = str | float | int | bool | None | Value | Status
 
 @dataclass(frozen=True)
 class Column:
-    """Heading, SI unit of its numbers ('' for text; '%' and 'degC' as in `Axis`)."""
+    """Heading, SI unit of its numbers ('' for text; '%', 'degC' and 'km/h' as in `Axis`)."""
 
     heading: str
     unit: str = ""

@@ -35,12 +35,11 @@ def symbol_of(parameter: Parameter) -> Markup:
 
 
 def unit_of_condition(experiment: Experiment, name: str) -> str:
-    """Return the SI unit of a condition, channel or operating point, '' for text and for the undeclared.
+    """Return the unit in which a condition, channel or operating point is read, '' for text and for the undeclared.
 
     A temperature there is an absolute one: it is read in degrees Celsius.
     """
-    unit = experiment.unit_of(name)
-    return "degC" if unit == "K" else unit
+    return experiment.read_as(name)
 
 
 def place_of(parameter: Parameter, experiment: Experiment) -> str:

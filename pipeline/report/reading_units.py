@@ -63,6 +63,7 @@ class ReadingUnit:
 
 PERCENT = ReadingUnit("%", 0.01)
 CELSIUS = ReadingUnit("°C", 1.0, 273.15)
+KMH = ReadingUnit("km/h", 1.0 / 3.6)
 
 
 def spelt(si_unit: str) -> str:
@@ -96,7 +97,7 @@ def reading_unit(si_unit: str, magnitude: float, resolution: float = 0.0) -> Rea
     ----------
     si_unit
         SI unit as declared: ``N/m``, ``N s/m``, ``1``; ``%`` for a ratio that is read in percent, ``degC`` for
-        an absolute temperature in K that is read in degrees Celsius.
+        an absolute temperature in K that is read in degrees Celsius, ``km/h`` for a speed in m/s that is read so.
     magnitude
         Typical size; zero or not finite gives the plain SI unit.
     resolution
@@ -115,6 +116,8 @@ def reading_unit(si_unit: str, magnitude: float, resolution: float = 0.0) -> Rea
         return PERCENT
     if si_unit == "degC":
         return CELSIUS
+    if si_unit == "km/h":
+        return KMH
     if not (math.isfinite(magnitude) and magnitude > 0):
         return ReadingUnit("" if si_unit == "1" else spelt(si_unit))
     ladder = _ladder(si_unit)

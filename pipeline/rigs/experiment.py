@@ -93,7 +93,8 @@ class ChannelSpec:
 class ConditionSpec:
     """A condition of a run: name, SI unit ('' for text), what it is; `default` where it may be missing.
 
-    A number outside `range` (SI) is refused wherever it is given.
+    A number outside `range` (SI) is refused wherever it is given. `read_as` is the unit in which the report shows it where
+    that is no SI unit: 'degC', 'km/h', '%'.
     """
 
     name: str
@@ -102,6 +103,7 @@ class ConditionSpec:
     required: bool = False
     default: float | str | bool | None = None
     range: Range = Range()
+    read_as: str = ""
 
 
 @dataclass(frozen=True)
@@ -256,6 +258,12 @@ class Experiment:
         """Return the SI unit of a condition, a channel or part of an operating point; '' for text and the undeclared."""
         conditions = {spec.name: spec.unit for spec in (*self.operating, *self.conditions)}
         return conditions.get(name) or {spec.name: spec.unit for spec in self.channels}.get(name, "")
+
+    def read_as(self, name: str) -> str:
+        """Return the unit in which a report shows a condition, channel or operating point."""
+        own = next((spec.read_as for spec in (*self.operating, *self.conditions) if spec.name == name), "")
+        unit = self.unit_of(name)
+        return own or ("degC" if unit == "K" else unit)
 
     def parameter(self, name: str) -> ParameterSpec:
         """Return the declaration of a parameter; LookupError where there is none."""

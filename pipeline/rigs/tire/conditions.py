@@ -39,7 +39,7 @@ _POSITIVE = Range(0.0, above=True)
 _SHARE = Range(0.0, 0.5)
 CONDITIONS = (
     ConditionSpec("nominal_load", "N", "load as set; by default the mean of vertical_load", range=Range(0.0)),
-    ConditionSpec("nominal_speed", "m/s", "speed as set; by default the mean of the measured one", range=Range(0.0)),
+    ConditionSpec("nominal_speed", "m/s", "speed as set; by default the mean of the measured one", range=Range(0.0), read_as="km/h"),
     ConditionSpec("inflation_pressure", "Pa", "inflation pressure over the atmosphere, p0", range=_POSITIVE),
     ConditionSpec("tire_size", "", "as on the side wall, for example 245/40R18"),
     ConditionSpec("belt_width", "m", "width b of the belt, a first guess", range=_POSITIVE),
@@ -68,7 +68,7 @@ CONDITIONS = (
 # What parameters of these experiments are told at, besides conditions.
 OPERATING = (
     ConditionSpec("load", "N", "load on the tire, as set"),
-    ConditionSpec("speed", "m/s", "rolling speed, as set"),
+    ConditionSpec("speed", "m/s", "rolling speed, as set", read_as="km/h"),
     ConditionSpec("event", "1", "number of the event in its run, from 0"),
     ConditionSpec("kind", "", "vertical or longitudinal"),
 )

@@ -33,7 +33,7 @@ def ring_tables(found: Campaign, parameters: Sequence[Parameter]) -> dict[str, p
     tables: dict[str, list[dict[str, Any]]] = {
         "fit": [_about(found)],
         "ring": _parameters(found, fit, parameters) if fit is not None else [],
-        "ring_runs": _runs(fit) if fit is not None else [],
+        "ring_runs": _runs(found, fit) if fit is not None else [],
         "ring_covariance": _matrix(names, fit.log_covariance) if fit is not None else [],
         "ring_correlation": _matrix(names, fit.correlation) if fit is not None else [],
         "ring_singular": _singular(fit) if fit is not None else [],
@@ -57,15 +57,16 @@ def _about(found: Campaign) -> dict[str, Any]:
     fit, verdict, line = found.ring, found.verdict, found.line
     curve = found.calibration.curve if found.calibration is not None else None
     nan = math.nan
+    fits = verdict is not None and verdict.fits
     return {
-        "model_fits": verdict is not None and verdict.fits,
+        "model_fits": fits,
         "chi2_reduced": fit.chi2_reduced if fit is not None else nan,
         "R": found.radius,
         "R_u": found.radius_u,
         "Ro": found.free_radius,
         "p0": found.tire.pressure if found.tire.pressure is not None else nan,
-        "sensor_length": fit.values.sensor_length if fit is not None else (found.tire.sensor_length or nan),
-        "sensor_length_sd": fit.std_error("sensor_length") if fit is not None else nan,
+        "sensor_length": fit.values.sensor_length if fit is not None and fits else (found.tire.sensor_length or nan),
+        "sensor_length_sd": fit.std_error("sensor_length") if fit is not None and fits else nan,
         "film_length": found.tire.film_length or nan,
         "least_load": curve.least if curve is not None else nan,
         "most_load": curve.most if curve is not None else nan,
@@ -85,9 +86,12 @@ def _parameters(found: Campaign, fit: RingFit, parameters: Sequence[Parameter]) 
     for i, name in enumerate(fit.names):
         value, sd = float(getattr(fit.values, name)), fit.std_error(name)
         size = abs(value) or 1.0
+        told = name in known or (name == "sensor_length" and fits)
+        kept = 1.0 if told else math.nan
         rows.append({
-            "parameter": name, "value": value, "sd": sd, "relative": sd / size, "relative_a": fit.std_error(name, combined=False) / size,
-            "with_gain": float(fit.correlation[i, gain]), "prior": _prior(fit, name), "told": name in known or (name == "sensor_length" and fits),
+            "parameter": name, "value": kept * value, "sd": kept * sd, "relative": kept * sd / size,
+            "relative_a": kept * fit.std_error(name, combined=False) / size, "with_gain": float(fit.correlation[i, gain]), "prior": _prior(fit, name),
+            "told": told,
         })  # fmt: skip
     return rows
 
@@ -108,14 +112,15 @@ def _prior(fit: RingFit, name: str) -> str:
     return "none, within a decade of the start"
 
 
-def _runs(fit: RingFit) -> list[dict[str, Any]]:
+def _runs(found: Campaign, fit: RingFit) -> list[dict[str, Any]]:
     rows = []
+    kept = 1.0 if found.verdict is not None and found.verdict.fits else math.nan
     for one in fit.runs:
         rms = float(np.sqrt(np.nanmean(one.residual**2)))
         height = float(np.nanmax(one.model)) - one.resistance
         rows.append({
             "run": one.run, "load": one.load, "rotation": one.rotation, "chi2_reduced": one.chi2_reduced, "rms": rms, "relative": rms / height,
-            "contact_length": one.contact_length, "contact_length_sd": one.contact_length_se, "loaded_radius": one.loaded_radius,
+            "contact_length": kept * one.contact_length, "contact_length_sd": kept * one.contact_length_se, "loaded_radius": kept * one.loaded_radius,
         })  # fmt: skip
     return rows
 

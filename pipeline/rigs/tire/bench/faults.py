@@ -8,14 +8,15 @@ from pipeline.errors import InputError
 from pipeline.recording import QualityFinding
 from pipeline.rigs.tire.bench.bench_run import BenchRun
 from pipeline.rigs.tire.bench.load_faults import load_faults
-from pipeline.rigs.tire.bench.speed_faults import speed_faults
+from pipeline.rigs.tire.bench.speed_faults import exchanged, speed_faults
 from pipeline.rigs.tire.tire_size import tire_size
 
 
 def run_faults(run: BenchRun) -> list[QualityFinding]:
     """Return what is to be said of a run, nothing twice."""
     radius = free_radius(run)
-    return list(dict.fromkeys([*run.findings, *speed_faults(run, radius), *load_faults(run)]))
+    references = exchanged(run, radius) or [*speed_faults(run, radius), *load_faults(run)]
+    return list(dict.fromkeys([*run.findings, *references]))
 
 
 def free_radius(run: BenchRun) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +17,8 @@ _UNITS = {1.0 / G0: "kg", 1e-3: "kN", 1.0 / (1e3 * G0): "t", 0.2248089: "lbf", 0
 _NEAR = 0.05
 # Further from the load as set than that is told; less than the second share apart is friction of the guides or a tare.
 _AS_SET, _MOST_TARE = 0.05, 0.5
+# What all loads are off by together is told from here on (relative to their mean); a gain needs loads that differ by that.
+_SHARED, _FEW_LOADS = 0.02, 0.2
 # Runs set alike whose readings differ by more than that while their peaks do not.
 _HYSTERESIS, _ALIKE_SPEED = 0.02, 0.05
 # No tire's peak grows by more than that with the load, V/N: ten times the published sensitivity is kg.
@@ -83,25 +86,45 @@ def _without_nominal(run: BenchRun, load: float) -> list[QualityFinding]:
     return [QualityFinding("error", text, run.name, LOAD)]
 
 
-def shared_offset(runs: Sequence[BenchRun]) -> list[QualityFinding]:
-    """Tell of a load cell that reads all loads wrong by the same force: weight of the beam, or no tare."""
+@dataclass(frozen=True)
+class SharedError:
+    """What all loads are off by: a force (N), or a share of the load; the other is none. With what is to be said."""
+
+    force: float
+    share: float
+    finding: QualityFinding
+
+
+def shared_error(runs: Sequence[BenchRun]) -> SharedError | None:
+    """Tell of a load cell that reads all loads wrong alike: by the weight of the beam or a zero point, or by its gain.
+
+    The straight line of readings over loads as set tells one from the other.
+    """
     pairs = np.array([
         (run.reference.value(LOAD), run.told("nominal_load"))
         for run in runs
         if math.isfinite(run.reference.value(LOAD)) and (run.told("nominal_load") or 0.0) > 0.0
     ])  # fmt: skip
     if len(pairs) < 3:
-        return []
-    off = pairs[:, 0] - pairs[:, 1]
-    middle, spread = float(np.median(off)), float(np.std(off))
-    if abs(middle) < 0.02 * float(pairs[:, 1].mean()) or spread > 0.5 * abs(middle):
-        return []
-    mass = abs(middle) / G0
+        return None
+    read, told = pairs.T
+    force, share = float(np.median(read - told)), float(np.median(read / told)) - 1.0
+    as_force, as_share = float(np.std(read - told - force)), float(np.std(read - told * (1.0 + share)))
+    if np.ptp(told) > _FEW_LOADS * told.mean() and as_share < as_force:
+        if abs(share) < _SHARED or as_share > 0.5 * abs(share) * told.mean():
+            return None
+        text = (
+            f"vertical_load is {100 * share:+.1f} % of the load as set in all runs: the gain of the load cell or its unit, or nominal_load, is wrong. "
+            "Which of them, nothing here tells: every load, and what follows from it, is taken to be that uncertain. Check the cell with a known weight"
+        )
+        return SharedError(0.0, share, QualityFinding("warning", text, None, LOAD))
+    if abs(force) < _SHARED * told.mean() or as_force > 0.5 * abs(force):
+        return None
     text = (
-        f"vertical_load differs from the load as set by the same {middle:+.0f} N in all runs ({mass:.0f} kg): the weight of beam and axle, or "
+        f"vertical_load differs from the load as set by the same {force:+.0f} N in all runs ({abs(force) / G0:.0f} kg): the weight of beam and axle, or "
         "a zero point. Tare the beam mass; until then every load, and what follows from it, may be off by that"
     )
-    return [QualityFinding("warning", text, None, LOAD)]
+    return SharedError(force, 0.0, QualityFinding("warning", text, None, LOAD))
 
 
 def hysteresis(runs: Sequence[BenchRun]) -> list[QualityFinding]:

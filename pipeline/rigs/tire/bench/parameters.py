@@ -23,9 +23,11 @@ _LENGTHS = {"deformation_length": "deformation", "slope_length": "slope", "zero_
 _MARKS = {"peak_resistance": "peak", "dip_leading": "dip_leading", "dip_trailing": "dip_trailing"}
 _CALIBRATION = ("load_sensitivity", "calibration_0", "calibration_1", "calibration_2")
 # Reduced chi-square of the PVDF's ratio to the flex sensor above which it is no constant law.
-_LAWLESS = 4.0
+LAWLESS = 4.0
 # Shared errors below that are not told one by one (relative).
 _SLIGHT = 1e-3
+# Lengths with larger errors than that are none (relative).
+_HIDDEN = 0.25
 _SOURCES = {
     "pressure": "p0",
     "load_gain": "load cell",
@@ -58,10 +60,10 @@ def _circuit(found: Campaign) -> str:
 
 
 def _length(e: Estimate) -> Estimate:
-    """Null a length that is not told from none."""
-    if e.value is None or e.ci95 is None or e.ci95[0] > 0.0:
+    """Null a length that the noise hides."""
+    if e.value is None or e.std_error is None or e.std_error < _HIDDEN * e.value:
         return e
-    return undetermined(e.name, "its interval reaches down to no length at all: the noise hides the passage", e.at)
+    return undetermined(e.name, "its error is as large as a quarter of it or more: the noise hides the passage", e.at)
 
 
 def _told(estimates: Iterable[Estimate], method: str, circuit: str = "") -> list[Parameter]:
@@ -224,7 +226,7 @@ def _calibration(found: Campaign) -> list[Estimate]:
 def _film(found: Campaign) -> list[Estimate]:
     if found.film is None:
         return [undetermined(name, found.no_film) for name in FILM]
-    rejected = found.verdict is not None and not found.verdict.fits and found.film.chi2_reduced > _LAWLESS
+    rejected = found.verdict is not None and not found.verdict.fits and found.film.chi2_reduced > LAWLESS
     rows = [
         undetermined(
             name, "the flex sensor does not follow its model, see the ring fit, nor does the PVDF's ratio to it"

@@ -159,7 +159,7 @@ def of_speed(findings: Findings) -> Blocks:
             f"On which radius does the tire roll? {_rolls(findings)}",
             "surface speed over rotation with a line through the origin, and the radius of each run",
             [
-                Panel(marks, Axis("rotation", "rad/s"), Axis("surface speed", "m/s"), "speed line"),
+                Panel(marks, Axis("rotation", "rad/s"), Axis("surface speed", "km/h"), "speed line"),
                 Panel(radii, Axis("rotation", "rad/s"), Axis("V/Ω", "m"), "what it leaves: radius of each run"),
             ],
             columns=2,

@@ -44,8 +44,9 @@ def of_film(findings: Findings) -> Blocks:
     found: Blocks = [
         Figure(
             "film", "PVDF measured and predicted from flex",
-            "Do both sensors see one belt? The film's voltage over the angle (the orders that can be compared only, hence the ripple), and what the flex sensor's waveform makes of it by the "
-            "rate model: derivative at low orders, strain at high ones.",
+            f"Do both sensors see one belt? The film's voltage over the angle and what the flex sensor's waveform makes of it by the rate model: "
+            f"derivative at low orders, strain at high ones. Both curves hold the orders {int(orders['order'].min())} to {int(orders['order'].max())} of the wheel only, those that can be compared: "
+            "the ripple beside the passage is that cut and not the film.",
             "film voltage over angle for each run, measured and predicted", waves, columns=2,
         )
     ]  # fmt: skip

@@ -57,6 +57,8 @@ def _in_words(row: dict[str, Any]) -> str:
     """Write a value with its unit and error: rows of one column have units of their own."""
     _, unit, size = _SHOWN[row["parameter"]]
     value, sd = row["value"] / size, row["sd"] / size
+    if not np.isfinite(value):
+        return "–"
     if not np.isfinite(sd) or sd <= 0.0:
         return f"{value:.4g} {unit}".strip()
     digits = max(0, 1 - math.floor(math.log10(sd)))
@@ -103,7 +105,7 @@ def _misfit(findings: Findings) -> Blocks:
 
 def _told_apart(findings: Findings) -> Blocks:
     matrix, singular = findings.arrays["ring_correlation"], findings.arrays["ring_singular"]
-    if matrix.empty:
+    if matrix.empty or not findings.arrays["fit"]["model_fits"].iloc[0]:
         return []
     names = [name for name in matrix.columns if name != "parameter"]
     labels = [_SHOWN[name][0] for name in names]

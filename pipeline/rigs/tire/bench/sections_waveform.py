@@ -168,7 +168,7 @@ def of_lengths(findings: Findings) -> Blocks:
         Table(
             "lengths", "Contact, deformation, slope and zero length by load and speed",
             "Lc from the ring fit; the others read off the averaged waveform.",
-            [Column("load", "N"), Column("speed", "m/s"), Column("Lc, contact", "m"), Column("Ld, dip to dip", "m"),
+            [Column("load as set", "N"), Column("speed as set", "km/h"), Column("Lc, contact", "m"), Column("Ld, dip to dip", "m"),
              Column("L_slope", "m"), Column("L_zero", "m"), Column("Ld/Lc")],
             rows,
         ),

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.recording import QualityFinding
 from pipeline.rigs.tire.bench.bench_run import BenchRun
-from pipeline.rigs.tire.bench.reference import SPEED
+from pipeline.rigs.tire.bench.reference import LOAD, SPEED
 from pipeline.rigs.tire.bench.speed_line import expected_radius, suspected
 
 # Nominal speeds that are off by the factor of a unit, within that share.
@@ -17,6 +17,28 @@ _NEAR, _UNITS = 0.07, {3.6: "km/h", 2.236936: "mph", 1e3: "mm/s"}
 # Radii of single runs differ by more than that (relative, and in robust standard deviations).
 _ODD, _ODD_SDS = 0.01, 6.0
 _AS_SET = 0.1
+# No drum turns as fast (m/s).
+_NO_SPEED = 60.0
+
+
+def exchanged(run: BenchRun, free_radius: float | None) -> list[QualityFinding]:
+    """Tell of load and speed in each other's place: vertical_load over rotation is then the radius of a tire, in m/s or km/h.
+
+    Parameters as those of `speed_faults`.
+    """
+    load, speed = run.reference.value(LOAD), run.reference.value(SPEED)
+    if not (math.isfinite(load) and math.isfinite(speed)) or abs(speed) < _NO_SPEED:
+        return []
+    expected = None if free_radius is None else expected_radius(2.0 * free_radius)
+    if not suspected(speed / run.rotation, expected):
+        return []
+    if all(suspected(load / factor / run.rotation, expected) for factor in (1.0, *_UNITS)):
+        return []
+    text = (
+        f"vertical_load and road_speed look swapped: they read {load:.4g} and {speed:.4g} while the wheel turns at {run.rotation:.4g} rad/s. Exchange "
+        "them in the recipe"
+    )
+    return [QualityFinding("error", text, run.name, channel) for channel in (LOAD, SPEED)]
 
 
 def speed_faults(run: BenchRun, free_radius: float | None) -> list[QualityFinding]:

@@ -274,11 +274,11 @@ def _said(
 ) -> str:
     if suspicion:
         return suspicion[0].upper() + suspicion[1:] + "."
-    said = f"Re = {radius:.5f} +- {radius_se:.5f} m from {runs} run{'s' * (runs > 1)}"
+    said = f"Re = {radius:.5f} +- {1.96 * radius_se:.5f} m (95 %) from {runs} run{'s' * (runs > 1)}"
     level, se, p = test
     if speeds < 2:
         return f"{said} at one speed: whether the line passes through the origin cannot be tested."
-    limits = f"{1e3 * level:.2f} +- {1e3 * se:.2f} mm/s"
+    limits = f"{1e3 * level:.2f} +- {1.96e3 * se:.2f} mm/s"
     if p < _SIGNIFICANT:
         return (
             f"{said}, but the line misses the origin by {limits} (p = {p:.2g}): look for an offset of the speed channel, "

@@ -20,7 +20,7 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.tire.bench.campaign import Campaign
 from pipeline.rigs.tire.bench.declaration import PARAMETERS
 from pipeline.rigs.tire.bench.identifiability import statements
-from pipeline.rigs.tire.bench.parameters import FILM
+from pipeline.rigs.tire.bench.parameters import FILM, LAWLESS
 
 _TOLD = 4
 _FEW_LOADS = 5
@@ -60,7 +60,7 @@ def judge(
     _ring(said, found)
     _speed(said, found)
     _calibration(said, found)
-    _film(said, found)
+    _film(said, found, bool(left_out))
     _missing(said, parameters)
     for run, reason in list(left_out.items())[:_TOLD]:
         said.warn(f"Run {run} is left out: {ended(reason)}")
@@ -146,10 +146,11 @@ def _calibration(said: Judgement, found: Campaign) -> None:
         (said.warn if grave else said.reasons.append)(ended(remark))
 
 
-def _film(said: Judgement, found: Campaign) -> None:
+def _film(said: Judgement, found: Campaign, some_left_out: bool) -> None:
     if found.film is None:
         said.reasons.append(f"Whether both sensors are bonded alike is not checked: {ended(found.no_film)}")
         return
+    where = " in the runs that are used" if some_left_out else ""
     suspects = [one.run for one in found.odd if one.cause in ("sensor", "film", "unknown")]
     suspects += sorted({*found.misfit, *found.unbonded} - set(suspects))
     if suspects:
@@ -158,7 +159,16 @@ def _film(said: Judgement, found: Campaign) -> None:
         )
     else:
         word = {"good": "ok", "bad": "suspect"}.get(found.film.verdict, "fair")
-        (said.warn if word == "suspect" else said.reasons.append)(ended(f"Bonding {word}: {found.film.statement}"))
+        if (
+            word != "suspect"
+            and found.film.chi2_reduced > LAWLESS
+            and found.verdict is not None
+            and not found.verdict.fits
+        ):
+            word = "doubtful"
+        (said.warn if word in ("suspect", "doubtful") else said.reasons.append)(
+            ended(f"Bonding {word}{where}: {found.film.statement}")
+        )
     for name in FILM:
         if found.film.estimates[name].value is None and found.film.verdict != "bad":
             said.warn(f"{_WORDS[name]} is not determined: {ended(found.film.estimates[name].reason)}")
