@@ -19,6 +19,8 @@ LOAD, SPEED, HEIGHT = "vertical_load", "road_speed", "hub_height"
 _FEWEST, _FROZEN = 10, 2.0
 # Shares of the run that must be covered, and that may be without a reading.
 _COVERED, _EMPTY = 0.2, 0.5
+# The sensor is in the patch and its dips for this share of a turn, before and behind the passage.
+_PATCH = 0.125
 # From the first to the last quarter: a mean that moves more than that is told.
 _DRIFT = {LOAD: 0.02, SPEED: 0.02}
 _WORDS = {LOAD: "load", SPEED: "speed", HEIGHT: "hub height"}
@@ -54,8 +56,9 @@ class Reference:
 def reference_of(recording: Recording, begin: np.ndarray, end: np.ndarray) -> Reference:
     """Return the means of the reference channels over the revolutions that begin and end then (s), shape (m,) each.
 
-    The tire averages what really varies as the reference does, so that only the noise of a reading,
-    taken from its second differences, makes its mean uncertain.
+    The waveform shows load and height of the moments when the sensor is in the patch, so these are averaged about
+    the passages only, half a turn after each begin: a drum's wave is seen at its same phases turn after turn. Only the
+    noise of a reading, taken from its second differences, makes its mean uncertain.
     """
     span = (float(begin.min()), float(end.max()))
     means: dict[str, Mean] = {}
@@ -69,19 +72,21 @@ def reference_of(recording: Recording, begin: np.ndarray, end: np.ndarray) -> Re
         time, values = recording.signal(name)
         turn = np.clip(np.searchsorted(begin, time, side="right") - 1, 0, begin.size - 1)
         inside = (time >= begin[turn]) & (time <= end[turn])
+        near = np.abs(time - 0.5 * (begin + end)[turn]) <= _PATCH * (end - begin)[turn]
         reason = _unusable(time, values, inside, span)
         if reason:
             why[name] = reason
             findings.append(QualityFinding("warning", _set_aside(name, reason), recording.run, name))
             continue
         kept, frozen = _moving(time[inside], values[inside])
+        seen = kept & near[inside]
         if frozen is not None:
             text = (
                 f"{name} stands still for {frozen[1] - frozen[0]:.3g} s and moves before or after: the logger repeated its last reading. "
                 "That stretch does not enter the mean"
             )
             findings.append(QualityFinding("warning", text, recording.run, name, frozen))
-        means[name] = _mean(kept)
+        means[name] = _mean(values[inside], kept, seen if name != SPEED and seen.sum() >= _FEWEST else kept)
         findings += _drifting(recording.run, name, time[inside], values[inside])
     return Reference(means, why, tuple(findings))
 
@@ -116,8 +121,9 @@ def _unusable(time: np.ndarray, values: np.ndarray, inside: np.ndarray, span: tu
 
 
 def _moving(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, tuple[float, float] | None]:
-    """Return the samples outside the longest standstill of a reading, and that stretch where it is long."""
+    """Return which samples are numbers outside the longest standstill of a reading, and that stretch where it is long."""
     finite = np.isfinite(values)
+    numbers = np.flatnonzero(finite)
     time, values = time[finite], values[finite]
     ends = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0, [True]]))
     runs = np.diff(ends)
@@ -126,14 +132,18 @@ def _moving(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, tuple[flo
     others = np.delete(runs, longest)
     usual = int(others.max()) if others.size else 0
     if time[last] - time[first] < _FROZEN or runs[longest] < 5 * usual:
-        return values, None
-    return np.delete(values, slice(first, last + 1)), (float(time[first]), float(time[last]))
+        return finite, None
+    finite[numbers[first : last + 1]] = False
+    return finite, (float(time[first]), float(time[last]))
 
 
-def _mean(values: np.ndarray) -> Mean:
+def _mean(values: np.ndarray, kept: np.ndarray, seen: np.ndarray) -> Mean:
+    """Return the mean of what is seen; noise and spread are those of all that is kept."""
+    whole = values[kept]
     # Second differences lose what varies slowly; white noise keeps sqrt(6) of its standard deviation.
-    noise = float(np.std(np.diff(values, 2))) / math.sqrt(6.0) if values.size > 4 else float(np.std(values))
-    return Mean(float(values.mean()), noise / math.sqrt(values.size), float(values.std()), int(values.size))
+    noise = float(np.std(np.diff(whole, 2))) / math.sqrt(6.0) if whole.size > 4 else float(np.std(whole))
+    count = int(seen.sum())
+    return Mean(float(values[seen].mean()), noise / math.sqrt(count), float(whole.std()), count)
 
 
 def _drifting(run: str, name: str, time: np.ndarray, values: np.ndarray) -> list[QualityFinding]:

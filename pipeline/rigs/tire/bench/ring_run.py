@@ -9,6 +9,7 @@ import numpy as np
 # A standard error estimated from a few revolutions scatters from bin to bin; its mean over neighbours weighs better.
 _NEIGHBOURS = 15
 _FEWEST_GROUPS = 6
+_LEAST_KEPT = 0.2
 # Orders that the modes below are made of.
 _SMOOTH = 100
 
@@ -113,7 +114,9 @@ def incoherent_error(theta: np.ndarray, mean: np.ndarray, groups: np.ndarray) ->
     off = (groups - groups.mean(axis=0)).T
     off = off - basis @ (basis.T @ off)
     count = groups.shape[0]
-    return np.asarray(np.sqrt((count - 1) / count * (off**2).sum(axis=1)))
+    # The modes take a share of each angle's own noise along, at the peak most.
+    kept = np.maximum(1.0 - (basis**2).sum(axis=1), _LEAST_KEPT)
+    return np.asarray(np.sqrt((count - 1) / count * (off**2).sum(axis=1) / kept))
 
 
 def noise_error(theta: np.ndarray, mean: np.ndarray, groups: np.ndarray, std_error: np.ndarray) -> np.ndarray:
