@@ -17,6 +17,8 @@ _THERE = 0.8
 _REACH = 0.05
 # From one revolution to the next the period changes by no more than this factor, else the wheel nearly stood.
 _FASTER = 1.6
+# An interval so much longer than usual is no single turn if a passage can be in its gaps.
+_UNSURE = 1.4
 _NEIGHBOURS = 4
 
 
@@ -46,15 +48,15 @@ def chains_of(places: np.ndarray, heights: np.ndarray, valid: np.ndarray) -> tup
     chains: list[Chain] = []
     current, marks = [float(places[0])], [False]
     periods = np.diff(places)
+    single = _of_one_turn(places, valid)
     for i, period in enumerate(periods.tolist()):
-        usual = _usual(periods, i)
-        turns = round(period / usual) if usual > 0.0 else 1
-        inserted = np.linspace(places[i], places[i + 1], turns + 1)[1:-1] if 2 <= turns <= _MOST_LOST else np.zeros(0)
-        whole = abs(period / usual - turns) < _OFF
-        if inserted.size and whole and all(_lost(valid, at, usual) for at in inserted):
+        usual = _usual(single, i)
+        inserted = _lost_within(places[i], places[i + 1], usual, valid)
+        longest = _UNSURE if _may_hide(places[i], places[i + 1], usual, valid) else _FASTER
+        if inserted.size:
             current += inserted.tolist()
             marks += [True] * inserted.size
-        elif not 1.0 / _FASTER < period / usual < _FASTER:
+        elif not 1.0 / _FASTER < period / usual < longest:
             chains.append(Chain(np.array(current), np.array(marks)))
             current, marks = [], []
         current.append(float(places[i + 1]))
@@ -104,6 +106,31 @@ def _usual(periods: np.ndarray, i: int) -> float:
     sides = [median(side) for side in (before[-2:], after[:2]) if side]
     near = float(sum(sides) / len(sides))
     return near if abs(near / middle - 1.0) < 0.3 else middle
+
+
+def _of_one_turn(places: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Return the intervals between candidates, each over the turns that it must hold beside the shortest next to it."""
+    periods = np.diff(places)
+    single = periods.copy()
+    for i in range(periods.size):
+        shortest = float(periods[max(i - _NEIGHBOURS, 0) : i + _NEIGHBOURS + 1].min())
+        single[i] /= 1 + _lost_within(places[i], places[i + 1], shortest, valid).size
+    return single
+
+
+def _lost_within(begin: float, end: float, period: float, valid: np.ndarray) -> np.ndarray:
+    """Return where passages must have been between two candidates: whole turns apart, and with samples lost there."""
+    turns = round((end - begin) / period) if period > 0.0 else 1
+    if not 2 <= turns <= _MOST_LOST or abs((end - begin) / period - turns) > _OFF:
+        return np.zeros(0)
+    inserted = np.linspace(begin, end, turns + 1)[1:-1]
+    return inserted if all(_lost(valid, at, period) for at in inserted) else np.zeros(0)
+
+
+def _may_hide(begin: float, end: float, period: float, valid: np.ndarray) -> bool:
+    """Tell whether a gap between two candidates is so long that a passage can be in it."""
+    counted, longest = valid[int(begin) : int(end) + 1], max(int(_REACH * period), 1)
+    return bool(np.any(counted[longest:] == counted[:-longest]))
 
 
 def _lost(valid: np.ndarray, at: float, period: float) -> bool:
