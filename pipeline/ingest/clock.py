@@ -36,7 +36,7 @@ _EPOCH_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 @dataclass(frozen=True)
 class TimeSource:
-    """Where a table's time comes from: a channel in a unit, or counted samples at a rate (Hz).
+    """Where a table's time comes from: a channel in a unit, samples counted at a rate (Hz), or both: a channel that numbers them.
 
     `stated` tells whether someone stated the unit; numbers since 1970 are recognised either way.
     """
@@ -76,6 +76,9 @@ class Clock:
             return
         self._started = True
         if self.time.channel is None:
+            return
+        if self.time.rate is not None:
+            self._factor = 1.0 / self.time.rate
             return
         self._factor = _seconds_per(self.time.unit, self.where, self.time.channel)
         if self._absolute_start is not None:

@@ -26,7 +26,7 @@ class ChannelMap:
     The logged number x stands for ``sign * (scale * x + offset)`` in `unit`. Without `channel` the
     canonical name is looked for, without `unit` the one that the log declares counts. `table` is the
     topic, file or table, needed where several hold that name. `rate` (Hz) is for ``time`` only: the
-    samples are counted; so is `stamp`: which sample of a block under one stamp that is, ``first`` or ``last``.
+    samples are counted, with `channel` by the one that numbers them; so is `stamp`: which sample of a block under one stamp that is, ``first`` or ``last``.
     """
 
     channel: str | None = None

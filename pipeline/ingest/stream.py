@@ -185,7 +185,7 @@ class StreamInSI:
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """Return the times of a block that begins at `row`, and which of its rows have one (None: all)."""
         if self.time.channel is None:
-            assert self.time.rate is not None  # a time source has the one or the other
+            assert self.time.rate is not None  # a time source has one of them at least
             return np.arange(row, row + rows_of(block)) / self.time.rate, None
         logged = np.asarray(block[self.time.channel], dtype=np.float64)
         stamps = logged if mended is None else mended.stamps[row : row + logged.size]

@@ -32,6 +32,7 @@ _RATE_NAMES = ("fs", "f_s", "sample_rate", "sampling_rate", "samplerate", "sampl
                "sampling_frequency", "abtastrate", "samples_per_second")  # fmt: skip
 _STEP_NAMES = ("ts", "dt", "delta_t", "sample_time", "sampling_time", "sample_interval", "sampling_interval",
                "sample_period", "sampling_period", "abtastzeit", "time_step", "timestep")  # fmt: skip
+_COUNTER_NAMES = ("sample_index", "sample_number", "sample_no", "sample_count", "sample_counter", "sample_id")
 _LINE = '`time: {channel: "<name in the log>", unit: s}`'
 
 
@@ -50,8 +51,6 @@ def find_times(sources: Sequence[Source], entry: ChannelMap | None) -> list[Time
         If nothing tells the time; the text says all ways to give it.
     """
     entry = entry or ChannelMap()
-    if entry.channel is not None and entry.rate is not None:
-        raise InputError("recipe, 'channels', 'time': gives both a channel and a rate; keep one of them.")
     if entry.channel is not None and not any(matching(entry.channel, source.table.channels) for source in sources):
         files = listing(dict.fromkeys(source.shown for source in sources))
         names = [channel.name for source in sources for channel in source.table.channels]
@@ -70,10 +69,10 @@ def _find_time(source: Source, entry: ChannelMap) -> TimeSource:
     channels = source.table.channels
     if entry.stamp is not None and source.table.block_stamp is not None:
         source.table.block_stamp = entry.stamp
-    if entry.rate is not None:
-        return TimeSource(None, rate=entry.rate)
     if entry.channel is not None:
         found = matching(entry.channel, channels)
+        if len(found) == 1 and entry.rate is not None:
+            return TimeSource(channels[found[0]].name, "1", stated=True, rate=entry.rate)
         if len(found) == 1:
             return _channel(source, channels[found[0]].name, entry.unit)
         if found:
@@ -81,6 +80,8 @@ def _find_time(source: Source, entry: ChannelMap) -> TimeSource:
                 f"{source.where}: {shown([channels[at] for at in found])} could all be the time '{entry.channel}'; "
                 "write the name in the recipe as the log has it."
             )
+    if entry.rate is not None:
+        return _counted(source, entry.rate, "the recipe")
     named = [channel.name for channel in channels if channel.name.strip().casefold() == "time"]
     if named:
         return _channel(source, named[0], entry.unit)
@@ -91,9 +92,7 @@ def _find_time(source: Source, entry: ChannelMap) -> TimeSource:
         return _channel(source, named[0], entry.unit)
     rate = stated_rate(source)
     if rate is not None:
-        hertz, place = rate
-        note = f"{source.where}: no channel is time, so samples are counted at {hertz:.6g} Hz, which {place} gives."
-        return TimeSource(None, rate=hertz, notes=(QualityFinding("warning", note),))
+        return _counted(source, *rate)
     named = [channel.name for channel in channels if plain(channel.name) == "ts"]
     if named:  # the last resort: where it holds one number only, it was the step
         return _channel(source, named[0], entry.unit)
@@ -101,8 +100,32 @@ def _find_time(source: Source, entry: ChannelMap) -> TimeSource:
     raise InputError(
         f"{source.where}: {wanted}. The log has: {shown(channels)}. Call a column 'time', or say in the recipe, under "
         "'channels', which one it is: `time: {channel: \"<name in the log>\", unit: s}`, or how fast was sampled: "
-        "`time: {rate: 5 kHz}`."
+        "`time: {rate: 5 kHz}`. Where a column numbers the samples, give both: "
+        '`time: {channel: "<that column>", rate: 5 kHz}`.'
     )
+
+
+def _counted(source: Source, rate: float, place: str) -> TimeSource:
+    """Count samples at a rate (Hz) that `place` gives: by the column that numbers them, else row by row."""
+    counter = _counter(source)
+    if counter is not None:
+        note = f"{source.where}: time is '{counter}', which numbers the samples, over the {rate:.6g} Hz that {place} gives."
+        return TimeSource(counter, "1", stated=True, rate=rate, notes=(QualityFinding("note", note),))
+    if place == "the recipe":
+        return TimeSource(None, rate=rate)
+    note = f"{source.where}: no channel is time, so samples are counted at {rate:.6g} Hz, which {place} gives."
+    return TimeSource(None, rate=rate, notes=(QualityFinding("warning", note),))
+
+
+def _counter(source: Source) -> str | None:
+    """Return the column that numbers the samples, by its name and its first rows; rows lost on the way are missing in it."""
+    names = {plain(channel.name): channel.name for channel in source.table.channels if not channel.is_text}
+    name = next((names[known] for known in _COUNTER_NAMES if known in names), None)
+    if name is None:
+        return None
+    block: Mapping[str, np.ndarray] = next(iter(source.table.blocks([name])), {})
+    steps = np.diff(np.asarray(block.get(name, ()), dtype=np.float64))
+    return name if steps.size and float(np.median(steps)) == 1.0 else None
 
 
 def _channel(source: Source, name: str, unit: str | None) -> TimeSource:

@@ -153,6 +153,22 @@ def test_counted_samples_are_evenly_spaced() -> None:
     np.testing.assert_array_equal(sink.time, np.arange(N) / 5000.0)
 
 
+@pytest.mark.parametrize(
+    ("name", "entry"), [("sample_index", ChannelMap(rate=5000.0)), ("No", ChannelMap("No", rate=5000.0))]
+)
+def test_samples_lost_on_the_way_leave_a_gap_where_a_column_numbers_them(name: str, entry: ChannelMap) -> None:
+    index = np.delete(7.0 + np.arange(N + 40), slice(50, 90))
+    table = MemoryTable({name: index, "force": VALUES}, {"force": "N"}, block_rows=300)
+    _, (sink,) = streamed(table, specs=[FORCE], time=entry)
+    np.testing.assert_allclose(sink.time, index / 5000.0, rtol=1e-12)
+
+
+def test_a_column_named_as_a_counter_that_counts_other_things_gives_no_time() -> None:
+    table = MemoryTable({"sample_number": np.full(N, 3.0), "force": VALUES}, {"force": "N"})
+    _, (sink,) = streamed(table, specs=[FORCE], time=ChannelMap(rate=5000.0))
+    np.testing.assert_array_equal(sink.time, np.arange(N) / 5000.0)
+
+
 def test_no_time_at_all_is_answered_with_the_ways_to_give_it() -> None:
     with pytest.raises(InputError) as caught:
         found({"x": VALUES})
@@ -163,8 +179,6 @@ def test_no_time_at_all_is_answered_with_the_ways_to_give_it() -> None:
 def test_a_time_channel_that_the_log_lacks_is_answered_with_the_nearest() -> None:
     with pytest.raises(InputError, match=r"'Zeitt', which the log lacks\. Did you mean 'Zeit'\?"):
         found({"Zeit": SECONDS}, ChannelMap("Zeitt"))
-    with pytest.raises(InputError, match="both a channel and a rate"):
-        found({"Zeit": SECONDS}, ChannelMap("Zeit", rate=5.0))
 
 
 def test_words_where_time_is_expected_are_shown() -> None:
