@@ -37,6 +37,7 @@ def arrays_of(runs: Sequence[RunNumbers]) -> dict[str, pd.DataFrame]:
         "asymmetry_model": _stacked([_asymmetry_model(run) for run in runs]),
         "gaps": _stacked([_gaps(run) for run in runs]),
         "noise": _stacked([_noise(run) for run in runs]),
+        "misfit_by_angle": _stacked([_misfit_by_angle(run) for run in runs]),
         "common_errors": _table(
             ("run", "source", "load", "force"),
             [
@@ -196,6 +197,15 @@ def _noise(run: RunNumbers) -> dict[str, Any]:
     frequency = spectrum.frequency if spectrum is not None else np.zeros(0)
     density = spectrum.values if spectrum is not None else np.zeros(0)
     return {"run": np.full(frequency.size, run.run), "frequency": frequency, "density": density}
+
+
+def _misfit_by_angle(run: RunNumbers) -> dict[str, Any]:
+    """Return the mean residual of the fits by angle, its standard error and the mean signal, rad and V."""
+    shape = run.shape_error
+    angle, left, error, signal = (
+        (shape.angle, shape.left, shape.left_se, shape.signal) if shape is not None else [np.zeros(0)] * 4
+    )
+    return {"run": np.full(angle.size, run.run), "angle": angle, "residual": left, "std_error": error, "signal": signal}
 
 
 def _drive(run: RunNumbers) -> dict[str, Any]:

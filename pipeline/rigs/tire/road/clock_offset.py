@@ -21,8 +21,10 @@ _FEWEST = 15
 # Revolutions that tell a lag to the grid.
 _ENOUGH = 3000
 _SURE, _AGREE = 3.0, 3.0
+# Parts that agree to that (s) are near enough to be compared, whatever their errors say; so many tell an odd one.
+_CLOSE, _FEWEST_PARTS = 0.05, 5
 # A correction below this moves no revolution's number.
-_LEAST = 0.01
+_LEAST = 0.04
 # Correlation at the best lag from which two signals are taken for the same.
 _ALIKE = 0.7
 
@@ -100,6 +102,8 @@ def clock_offset(time: np.ndarray, pairs: Sequence[Pair], farthest: float = _FAR
     if not found:
         return ClockOffset(start, math.nan, 0.0, math.nan, middle, False, "not told: the changes are too small")
     t, d, se = (np.array(column) for column in zip(*found, strict=True))
+    t, d, se = _agreeing(t - middle, d, se)
+    t = t + middle
     constant, error, misfit = _weighted(np.ones((t.size, 1)), d, se)
     offset, offset_se, rate, rate_se = float(constant[0]), float(error[0]), 0.0, math.nan
     if t.size >= 3 and np.ptp(t) > 0.0:
@@ -113,7 +117,8 @@ def clock_offset(time: np.ndarray, pairs: Sequence[Pair], farthest: float = _FAR
             )
             misfit = line_misfit
     told = f"{offset:+.3f} +- {offset_se:.3f} s from {t.size} parts"
-    if misfit > _AGREE:
+    apart = d - offset - rate * (t - middle)
+    if misfit > _AGREE and float(np.sqrt(np.mean(apart**2))) > _CLOSE:
         return ClockOffset(
             offset, offset_se, rate, rate_se, middle, False, f"parts of the drive contradict each other ({told})"
         )
@@ -123,6 +128,19 @@ def clock_offset(time: np.ndarray, pairs: Sequence[Pair], farthest: float = _FAR
     if largest < _LEAST or (abs(offset) < _SURE * offset_se and rate == 0.0):
         return ClockOffset(offset, offset_se, rate, rate_se, middle, False, f"not significant ({told})")
     return ClockOffset(offset, offset_se, rate, rate_se, middle, True, f"parts of the drive agree ({told})")
+
+
+def _agreeing(t: np.ndarray, d: np.ndarray, se: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the parts that lie about one straight line: a part with an odd signal does not spoil the others."""
+    if t.size < _FEWEST_PARTS:
+        return t, d, se
+    slopes = [
+        (d[j] - d[i]) / (t[j] - t[i]) for i in range(t.size) for j in range(i) if abs(t[i] - t[j]) > 0.1 * np.ptp(t)
+    ]
+    off = d - float(np.median(slopes)) * t
+    off = off - np.median(off)
+    near = np.abs(off) < np.maximum(5.0 * 1.4826 * np.median(np.abs(off)), 3.0 * se)
+    return t[near], d[near], se[near]
 
 
 def _coarse(time: np.ndarray, pairs: Sequence[Pair], farthest: float) -> float | None:

@@ -22,6 +22,8 @@ _NEXT = 1.5
 # Revolutions that may lack within an event, and the deviation over its limit that they need.
 _REACH = 2
 _BETWEEN = 0.25
+# So many turns may be lost in one.
+_LOST = 6.5
 # Of a long event so large a share may be below the limit in one piece.
 _SHARE = 0.25
 # How many revolutions weigh together, and the share of the limit that each of them needs; which of them are a few.
@@ -160,7 +162,7 @@ def _runs(beyond: np.ndarray, time: np.ndarray, rotation: np.ndarray, inner: np.
             between = np.sign(beyond[i]) * beyond[last : i + 1]
             reach = max(_REACH, _SHARE * (last - found[-1][0]))
             filled = i - last == 1 or float(between[1:-1].mean()) > _BETWEEN
-            if apart < reach + 0.5 and between[0] > 0.0 and filled:
+            if i - last <= reach and apart - (i - last) < _LOST and between[0] > 0.0 and filled:
                 found[-1][1] = int(i)
                 continue
         found.append([int(i), int(i)])

@@ -12,7 +12,8 @@ import numpy as np
 
 from pipeline.errors import counted
 from pipeline.recording import QualityFinding
-from pipeline.rigs.tire.road.revolution_fit import REASONS
+from pipeline.rigs.tire.road.gain_off import WITHHELD
+from pipeline.rigs.tire.road.revolution_fit import OTHER_GAIN, REASONS
 from pipeline.rigs.tire.road.run_numbers import REVERSED, RunNumbers
 
 # A larger share of passages that tell nothing is a warning.
@@ -22,9 +23,11 @@ FAR_ABOVE, FAR_BELOW = 1.5, 0.5
 # R0 differs from the bench's, or within the drive, by more than this: warmer or colder.
 _WARMER = 0.01
 # Flex over film differs from the bench's: more than both fits leave open.
-_OTHER_RATIO = 0.05
+OTHER_RATIO = 0.05
 # The waveform's scatter about the model over the drive's own noise: from here on the model does not fit.
 _MISFIT = 2.0
+# Reasons to leave a revolution out that lie in its waveform.
+_OF_THE_SHAPE = (0, 2, 3, 4)
 # Mean NIS within which a track's errors are right to a few per cent, whatever a test of thousands of revolutions says.
 _CALM = (0.8, 1.25)
 # A mean difference to the reference beyond so many standard deviations, and this share of the load.
@@ -35,7 +38,7 @@ def faults_of(run: RunNumbers) -> list[QualityFinding]:
     """Return what is to be said of one drive, besides what its log alone tells."""
     found = [*_lost(run), *_bonding(run), *_direction(run), *_units(run), *_clocks(run)]
     if run.has_forces:
-        found += [*_range(run), *_misfit(run), *_resistance(run), *_tracks(run), *_biases(run)]
+        found += [*_range(run), *_misfit(run), *_shape(run), *_resistance(run), *_tracks(run), *_biases(run)]
     return found
 
 
@@ -77,18 +80,27 @@ def _bonding(run: RunNumbers) -> Iterator[QualityFinding]:
         yield QualityFinding("warning", text, run.run, "flex_code", (step.time, run.device.span[1]))
     elif not run.bonding.ok:
         yield _warning(run, f"flex sensor and PVDF film do not keep their ratio: {run.bonding.verdict}.")
+    lost = run.forces.reason == OTHER_GAIN
+    if run.has_forces and step is None and lost.any():
+        since = float(run.forces.time[np.argmax(lost)])
+        text = (
+            f"the flex sensor's answer falls against the PVDF film's, at t = {since:.1f} s it is {100.0 * WITHHELD:.0f} % below that on "
+            f"the bench: debonding, or a gain that drifts. Load and force are withheld where it is ({counted(int(lost.sum()), 'revolution')}), "
+            "and carry it in their errors before."
+        )
+        yield QualityFinding("warning", text, run.run, "flex_code", (since, run.device.span[1]))
     off = run.bonding.mean - 1.0
     if (
         run.has_forces
         and math.isfinite(off)
         and run.carried.tire
         and run.carried.tire.bench.film
-        and abs(off) > _OTHER_RATIO
+        and abs(off) > OTHER_RATIO
     ):
         yield _warning(
             run,
             f"the flex sensor answers {100.0 * off:+.0f} % against the PVDF film compared with the bench: a gain changed since then, and "
-            "load and force with it.",
+            "load and force with it; their errors hold it.",
         )
 
 
@@ -116,7 +128,7 @@ def _clocks(run: RunNumbers) -> Iterator[QualityFinding]:
     if compared is None:
         return
     if compared.offset_applied:
-        yield _warning(
+        yield _note(
             run,
             f"the clocks of transmitter and vehicle are {compared.offset:+.3f} s apart (standard error {compared.offset_se:.3f} s); the "
             "reference channels are shifted by that. Start both loggers from one signal.",
@@ -147,6 +159,7 @@ def _range(run: RunNumbers) -> Iterator[QualityFinding]:
 def _misfit(run: RunNumbers) -> Iterator[QualityFinding]:
     fits = run.forces.fits
     misfit = float(np.nanmedian(run.forces.misfit)) if np.isfinite(run.forces.misfit).any() else math.nan
+    fits = fits[np.isin(run.forces.reason, _OF_THE_SHAPE)]
     if misfit > _MISFIT or (fits.size and fits.mean() < 0.5):
         told = f"chi2 over its degrees of freedom {misfit:.1f}" if math.isfinite(misfit) else "no revolution fits"
         yield _warning(
@@ -154,6 +167,18 @@ def _misfit(run: RunNumbers) -> Iterator[QualityFinding]:
             f"the waveforms are not those of the bench's ring ({told}, {100 * fits.mean():.0f} % of the revolutions fit): another "
             "pressure or tire than stated, a sensor that comes off, or a road that is not flat under the patch.",
         )
+
+
+def _shape(run: RunNumbers) -> Iterator[QualityFinding]:
+    shape = run.shape_error
+    if shape is None or not shape.matters:
+        return
+    yield _warning(
+        run,
+        f"the bench's ring leaves {100.0 * shape.share:.1f} % of the mean waveform unexplained ({100.0 * shape.share_se:.1f} % would be noise): "
+        "another tire, pressure or sensor than on the bench, or a tire that is no such ring. The errors of load and force hold "
+        f"{100.0 * shape.load_sd:.0f} % of the load for it; a load that is right in shape only may be off by more.",
+    )
 
 
 def _resistance(run: RunNumbers) -> Iterator[QualityFinding]:
@@ -180,7 +205,10 @@ def _tracks(run: RunNumbers) -> Iterator[QualityFinding]:
         if track is None:
             continue
         if not track.consistent and not _CALM[0] < track.mean_nis < _CALM[1]:
-            yield _warning(run, f"the filter of the {words} is not consistent with its innovations: {track.verdict}")
+            # Errors that are too large mislead nobody.
+            yield (_warning if track.mean_nis > 1.0 else _note)(
+                run, f"the filter of the {words} is not consistent with its innovations: {track.verdict}"
+            )
         gated = int(np.count_nonzero(track.gated))
         if gated > max(3, 0.02 * len(run.forces)):
             yield _note(

@@ -96,7 +96,8 @@ def chosen(uses: Mapping[str, Findings]) -> Chosen:
             why = f"the findings '{name}' ({findings.experiment}) are not used: tire.road makes use of tire.bench only."
             notes.append(QualityFinding("note", why))
     if not benches:
-        return Chosen(None, _NO_BENCH, tuple(notes))
+        told = f"what was handed over ({', '.join(uses)}) is no bench campaign, and " if uses else ""
+        return Chosen(None, told + _NO_BENCH, tuple(notes))
     reasons = {name: lacking(findings) for name, findings in benches.items()}
     whole = [name for name, reason in reasons.items() if not reason]
     if not whole:

@@ -23,6 +23,7 @@ def models_of(runs: Sequence[RunNumbers]) -> list[ModelResult]:
     misfit = np.concatenate([run.forces.misfit[run.forces.fits] for run in with_forces])
     share = np.concatenate([run.forces.share[run.forces.fits] for run in with_forces])
     benches = ", ".join(dict.fromkeys(run.carried.tire.bench.campaign for run in with_forces if run.carried.tire))
+    left = [float(np.sqrt(np.mean(run.shape_error.left**2))) for run in with_forces if run.shape_error is not None]
     median = float(np.nanmedian(misfit)) if np.isfinite(misfit).any() else math.nan
     return [
         ModelResult(
@@ -31,6 +32,8 @@ def models_of(runs: Sequence[RunNumbers]) -> list[ModelResult]:
             n_parameters=_FITTED * misfit.size,
             n_data=int(np.sum(share) * ANGLES),
             chi2_reduced=median,
+            rms_residual=max(left) if left else None,
+            unit="V",
             description="load, longitudinal force, angle and resistance of each revolution; chi2 over its degrees of freedom "
             "under the drive's own noise, median over the revolutions",
         )

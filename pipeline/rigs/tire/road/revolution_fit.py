@@ -14,7 +14,16 @@ from pipeline.rigs.tire.road.gain_ratio import gain_ratio
 from pipeline.rigs.tire.road.gauss_newton import LEAST_LOAD, State, Step, coarse_fit, noise_step
 from pipeline.rigs.tire.road.library import WaveformLibrary
 from pipeline.rigs.tire.road.noise_spectrum import NoiseSpectrum
-from pipeline.rigs.tire.road.passage_voltage import ANGLES, PassageBlock, Passages, passages_of, to_variance, together
+from pipeline.rigs.tire.road.passage_voltage import (
+    ANGLES,
+    PassageBlock,
+    Passages,
+    angles,
+    passages_of,
+    to_variance,
+    together,
+)
+from pipeline.rigs.tire.road.shape_error import ShapeError
 
 # Why a revolution is not taken: Forces.reason is the place in here.
 REASONS = (
@@ -23,7 +32,10 @@ REASONS = (
     "does not settle",
     "shape is not that of the ring",
     "load at the end of the library",
+    "out of step with its neighbours: a passage beside it is not seen",
+    "the sensor's gain is not the bench's",
 )
+OUT_OF_STEP, OTHER_GAIN = 5, 6
 _GATHERED = 512
 _LEARNT_FROM = 256
 _LEARNING = 3
@@ -96,8 +108,8 @@ class RevolutionFit:
     ----------
     noise
         What is known of the drive's noise so far.
-    residual
-        Mean of what the fits leave over by angle (V) over that of the signal: the part no noise explains.
+    shape_error
+        Mean of what the fits leave over by angle: the part no noise explains.
     """
 
     def __init__(self, known: WaveformLibrary) -> None:
@@ -119,19 +131,17 @@ class RevolutionFit:
         return self._ready() if self._waiting else None
 
     @property
-    def residual(self) -> tuple[float, float]:
-        """What is left over of the mean waveform after the fits, rms over that of the signal, and its standard error.
-
-        A share well above its error is a shape that the ring does not have: the forces err by about that share. NaN
-        where no revolution was fitted.
-        """
+    def shape_error(self) -> ShapeError | None:
+        """What is left over of the mean waveform after the fits; None where no revolution was fitted."""
         seen = np.maximum(self._seen, 1.0)
-        mean, signal = self._left_over / seen, self._signal / seen
-        scale = float(np.sqrt(np.mean((signal - signal.mean()) ** 2)))
-        if not scale > 0.0:
-            return float("nan"), float("nan")
-        noise = float(np.sqrt(np.trapezoid(self.noise.values, self.noise.frequency))) if self.noise.known else np.nan
-        return float(np.sqrt(np.mean(mean**2))) / scale, noise / np.sqrt(seen.mean()) / scale
+        left, signal = self._left_over / seen, self._signal / seen
+        signal = signal - signal.mean()
+        scale = float(np.sqrt(np.mean(signal**2)))
+        if not scale > 0.0 or not self.noise.known:
+            return None
+        noise = float(np.sqrt(np.trapezoid(self.noise.values, self.noise.frequency))) / np.sqrt(seen)
+        share = float(np.sqrt(np.mean(left**2))) / scale
+        return ShapeError(angles(), left, noise, signal, share, float(np.sqrt(np.mean(noise**2))) / scale)
 
     def _ready(self) -> Forces:
         data = together(self._waiting)

@@ -19,6 +19,7 @@ from pipeline.rigs.tire.road.debonding import Bonding, Step, debonding
 from pipeline.rigs.tire.road.declaration import RoadSettings
 from pipeline.rigs.tire.road.event_centre import Event
 from pipeline.rigs.tire.road.events import events
+from pipeline.rigs.tire.road.gain_off import gain_off, without_lost_gain
 from pipeline.rigs.tire.road.handed_over import Carried, Chosen, RoadTire, carried, withheld
 from pipeline.rigs.tire.road.height_ratio import LEAST_STEP, height_ratio
 from pipeline.rigs.tire.road.library import WaveformLibrary, library
@@ -26,8 +27,10 @@ from pipeline.rigs.tire.road.neighbour_scatter import with_scatter
 from pipeline.rigs.tire.road.noise_spectrum import NoiseSpectrum
 from pipeline.rigs.tire.road.record import References, references_of
 from pipeline.rigs.tire.road.reference import Comparison, ReferenceTable, compare, own_direction
-from pipeline.rigs.tire.road.revolution_fit import REASONS, Forces, RevolutionFit, joined
+from pipeline.rigs.tire.road.revolution_fit import OTHER_GAIN, REASONS, Forces, RevolutionFit, joined
 from pipeline.rigs.tire.road.rotation_only import without_forces
+from pipeline.rigs.tire.road.shape_error import ShapeError
+from pipeline.rigs.tire.road.steady_steps import in_step
 from pipeline.rigs.tire.road.systematic import systematic
 from pipeline.rigs.tire.road.tracking import Track, track
 
@@ -90,8 +93,8 @@ class RunNumbers:
     comparison, direction
         With the reference channels, None where there are none; "right", "wrong" or "untold" by them or by the wheel's own
         acceleration.
-    asymmetry, noise
-        Dips of some revolutions, spectrum of the noise: for the report.
+    asymmetry, noise, shape_error
+        Dips of some revolutions, spectrum of the noise, what the ring leaves of the mean waveform.
     """
 
     run: str
@@ -112,6 +115,7 @@ class RunNumbers:
     direction: str
     asymmetry: Asymmetry
     noise: NoiseSpectrum | None
+    shape_error: ShapeError | None
     findings: tuple[QualityFinding, ...]
 
     @property
@@ -207,19 +211,23 @@ def numbers_of(
     device = device_of(recording)
     held = carried(choice, recording.run, recording.conditions)
     known = libraries.of(held.tire) if held.tire is not None else None
-    forces, course, asymmetry, noise = _passed(device, known, progress)
+    forces, course, asymmetry, fit = _passed(device, known, progress)
+    forces = in_step(forces)
     ratio = _ratio(forces, held, course)
     bonding = _bonding(forces, ratio, held)
     came_off = _came_off(bonding)
     if came_off is not None:
         forces = replace(forces, fits=forces.fits & (forces.time < came_off.time))
-    if reason := _other_resistance(held, forces):
+    off = gain_off(forces)
+    forces = without_lost_gain(forces, off)
+    if reason := _other_resistance(held, forces) or _other_gain(forces):
         held = replace(held, tire=None, reason=reason)
         held = replace(held, findings=(*held.findings, withheld(recording.run, reason)))
         forces = replace(forces, fits=np.zeros(len(forces), dtype=bool))
     forces = with_scatter(forces)
     references = references_of(recording)
-    common = _common(held, known, forces)
+    shape = fit.shape_error if fit is not None else None
+    common = _common(held, known, forces, off, shape)
     radius = held.radius
     compared = _compared(forces, references, held, device)
     turning = rotation_known(forces)
@@ -241,14 +249,15 @@ def numbers_of(
         comparison=compared,
         direction=_direction(forces, compared, radius.value),
         asymmetry=asymmetry,
-        noise=noise,
+        noise=fit.noise if fit is not None else None,
+        shape_error=shape,
         findings=(*held.findings, *references.findings),
     )
 
 
 def _passed(
     device: Device, known: WaveformLibrary | None, progress: Progress
-) -> tuple[Forces, Course, Asymmetry, NoiseSpectrum | None]:
+) -> tuple[Forces, Course, Asymmetry, RevolutionFit | None]:
     """Go through the log once."""
     fit = RevolutionFit(known) if known is not None else None
     parts: list[Forces] = []
@@ -273,7 +282,7 @@ def _passed(
     if not parts:
         raise InputError(_no_passage(device, course))
     forces = joined(parts)
-    return forces, course, dips.close(forces), fit.noise if fit is not None else None
+    return forces, course, dips.close(forces), fit
 
 
 def _no_passage(device: Device, course: Course) -> str:
@@ -288,7 +297,9 @@ def _no_passage(device: Device, course: Course) -> str:
     return f"no passage of the sensor through the contact patch is in this log: nothing can be told of the drive.{why}"
 
 
-def _common(held: Carried, known: WaveformLibrary | None, forces: Forces) -> Common:
+def _common(
+    held: Carried, known: WaveformLibrary | None, forces: Forces, off: np.ndarray, shape: ShapeError | None
+) -> Common:
     """Return what the bench leaves uncertain of all revolutions alike."""
     if known is None or held.tire is None or not forces.fits.any():
         nothing = np.full(len(forces), math.nan)
@@ -301,10 +312,22 @@ def _common(held: Carried, known: WaveformLibrary | None, forces: Forces) -> Com
     for source, covariance in parts(held.tire).items():
         part = replace(errors, covariance=covariance)
         sources[source] = float(part.load_sd(*middle)[0]), float(part.force_sd(*middle)[0])
+    per_percent = abs(float(errors.gain_to_load(float(middle[0][0]))))
+    by_gain = 100.0 * per_percent * np.abs(off) * forces.load / float(middle[0][0])
+    if np.median(np.abs(off[forces.fits])) > 0.0:
+        typical = float(np.median(np.abs(off[forces.fits])))
+        sources["gain against the film"] = 100.0 * per_percent * typical, typical * abs(float(middle[1][0]))
+    by_shape, aside = (shape.load_sd, shape.force_sd) if shape is not None else (0.0, 0.0)
+    sources["shape that is not the ring's"] = by_shape * float(middle[0][0]), aside * float(middle[0][0])
     return Common(
-        np.hypot(errors.load_sd(*state), share * np.abs(forces.load)),
-        np.hypot(errors.force_sd(*state), share * np.abs(forces.force)),
-        abs(float(errors.gain_to_load(float(middle[0][0])))),
+        np.sqrt(errors.load_sd(*state) ** 2 + (share * forces.load) ** 2 + by_gain**2 + (by_shape * forces.load) ** 2),
+        np.sqrt(
+            errors.force_sd(*state) ** 2
+            + (share * forces.force) ** 2
+            + (off * forces.force) ** 2
+            + (aside * forces.load) ** 2
+        ),
+        per_percent,
         {source: (load, force) for source, (load, force) in sources.items() if max(load, force) > 0.0},
     )
 
@@ -385,6 +408,18 @@ def _other_resistance(held: Carried, forces: Forces) -> str:
     return (
         f"R0 is {R0:.5g} ohm here and {bench:.5g} ohm on the bench ({100 * (R0 / bench - 1.0):+.1f} %): another resistor R1, supply or "
         "sensor than stated, and the bench's gain in ohm does not hold. Check divider_resistance, supply_voltage and adc_reference."
+    )
+
+
+def _other_gain(forces: Forces) -> str:
+    """Say that the flex sensor has lost its gain all along; '' where it has not."""
+    lost = forces.reason == OTHER_GAIN
+    if forces.fits.any() or not lost.any():
+        return ""
+    share = float(np.median(forces.gain_ratio[lost]))
+    return (
+        f"the flex sensor answers {100.0 * (share - 1.0):+.0f} % against the PVDF film compared with the bench: its gain, or its bond, "
+        "is not that of the bench. Glue it anew and calibrate it again."
     )
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.findings import Findings
-from pipeline.findings.figures import Axis, Figure, Line, Mark, Panel, Points, Rule, Text
+from pipeline.findings.figures import Axis, Band, Figure, Line, Mark, Panel, Points, Rule, Text
 from pipeline.rigs.tire.road.sections_tracks import FORCE, TIME, extremes, of_run, rows_of
 
+_ANGLE, _VOLT, _LEFT = Axis("angle", "rad"), Axis("flex voltage less its mean", "V"), Axis("residual", "V")
 _OHM = Axis("trailing less leading dip A", "ohm")
 
 
@@ -38,6 +39,36 @@ def dips(findings: Findings) -> list[Figure]:
             "difference of the two dips over the longitudinal force, measured and by the ring model",
             panels,
             columns=2 if len(panels) > 1 else 1,
+        )
+    ]
+
+
+def residuals(findings: Findings) -> list[Figure]:
+    """Return what the bench's ring leaves of the mean waveform."""
+    panels = []
+    for run in findings.arrays["drives"]["run"]:
+        table = of_run(findings.arrays["misfit_by_angle"], str(run))
+        if table.empty:
+            continue
+        angle, left, error, signal = (table[name].to_numpy() for name in ("angle", "residual", "std_error", "signal"))
+        waveform = Panel([Line(angle, signal, "measured", "mean voltage")], _ANGLE, _VOLT, f"run {run}: waveform")
+        marks: list[Mark] = [
+            Band(angle, -2.0 * error, 2.0 * error, "model", "±2 standard errors of the mean"),
+            Line(angle, left, "residual", "left over"),
+            Rule(y=0.0),
+        ]
+        panels += [waveform, Panel(marks, _ANGLE, _LEFT, f"run {run}: residual")]
+    if not panels:
+        return []
+    return [
+        Figure(
+            "misfit_by_angle",
+            "Is the waveform that of the bench's ring?",
+            "Mean of what the fits leave over, by angle from the peak. What stays outside of the band is a shape that the ring of the "
+            "bench does not have: another tire, pressure or sensor, and the errors of load and force grow by it.",
+            "mean voltage by angle, and what the ring leaves over of it with the band that noise explains",
+            panels,
+            columns=2,
         )
     ]
 

@@ -19,7 +19,7 @@ GATE, LIMIT = 10.8, 3.84
 # Half the revolutions of a second limit what is seen; a gap of more revolutions than that breaks a curve.
 _BREAK = 4.0
 _KINDS = {"vertical": ("vertical event", 4), "longitudinal": ("longitudinal event", 6)}
-_EVENTS_DRAWN = 60
+_EVENTS_DRAWN = 300
 # Beyond so many points only the lowest and the highest of each stretch are drawn: the page stays small.
 _MOST_POINTS = 1000
 _LEAST_NIS = 0.01

@@ -15,6 +15,7 @@ import numpy as np
 from pipeline.errors import counted
 from pipeline.findings import Verdict
 from pipeline.recording import QualityFinding
+from pipeline.rigs.tire.road.faults import OTHER_RATIO
 from pipeline.rigs.tire.road.handed_over import Chosen
 from pipeline.rigs.tire.road.run_numbers import RunNumbers
 
@@ -89,7 +90,7 @@ def _told(said: Judgement, run: RunNumbers) -> None:
     )
     if run.bonding is None:
         said.reasons.append(f"Run {run.run}: whether the sensor is still bonded cannot be told without a PVDF film.")
-    elif run.bonding.ok:
+    elif run.bonding.ok and not abs(run.bonding.mean - 1.0) > OTHER_RATIO:
         said.reasons.append(f"Run {run.run}: bonding ok: flex sensor and film keep their ratio.")
 
 
