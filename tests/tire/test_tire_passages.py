@@ -51,14 +51,14 @@ def expected(found, motion, waveform):
     truth = bench_truth({})
     between = (motion.time > found.times[0]) & (motion.time < found.times[-1])
     k = pressed(compliance(ring_of(truth)), truth.kt, truth.Ro, float(motion.Fz[between].mean())).shape
-    shape = flex_shape(k, Sensor(truth.c, truth.R0, 0.05, truth.flex_lag), R, waveform.speed).cut(CUT)
+    shape = flex_shape(k, Sensor(truth.c, truth.R0, 0.05, truth.flex_lag), R, waveform.speed)
     return shape.times(np.exp(1j * shape.orders * lengths(shape, R).peak_angle))
 
 
 def test_moments_of_the_bench_stand_at_the_noise_bound_and_their_errors_cover():
     off, se = (
         np.concatenate(part)
-        for part in zip(*(late(*bench("load_2000", s, duration=12.0, load_wave=0.0)) for s in range(6)), strict=True)
+        for part in zip(*(late(*bench("load_2000", s, duration=12.0, load_wave=0.0)) for s in range(4)), strict=True)
     )
     slope = np.gradient(_volts_by_angle(), 2 * np.pi / 4096)
     per_turn = 12e3 * 2 * np.pi * R / (10 / 3.6)
@@ -66,6 +66,14 @@ def test_moments_of_the_bench_stand_at_the_noise_bound_and_their_errors_cover():
     assert np.std(off) == pytest.approx(bound, rel=0.2)
     assert np.mean(np.abs(off) < 1.96 * se) > 0.9
     assert np.sqrt(np.mean(se**2)) == pytest.approx(bound, rel=0.2)
+
+
+def test_a_load_that_waves_once_a_drum_turn_is_in_the_errors_of_the_moments():
+    off, se = (
+        np.concatenate(part)
+        for part in zip(*(late(*bench("load_3000", s, duration=12.0)) for s in range(5)), strict=True)
+    )
+    assert np.sqrt(np.mean((off / se) ** 2)) == pytest.approx(1.0, abs=0.15)
 
 
 def _volts_by_angle():
@@ -111,6 +119,7 @@ def test_marks_of_the_mean_waveform_agree_with_those_of_the_true_shape():
         for mark in ("peak", "dip_leading", "dip_trailing", "deformation", "slope", "zero"):
             z.append((getattr(told.value, mark) - getattr(truth, mark)) / getattr(told.error, mark))
         assert told.value.deformation == pytest.approx(truth.deformation, abs=1.5e-3)
+        assert told.value.slope == pytest.approx(truth.slope, abs=0.6e-3)
         assert told.value.peak == pytest.approx(truth.peak, rel=1e-3)
     assert np.sqrt(np.mean(np.square(z))) < 1.4
 

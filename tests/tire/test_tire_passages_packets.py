@@ -7,6 +7,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.recording import Channel, Recording, Stream, storage
+from pipeline.rigs.tire.passages.chains import chains_of
 from pipeline.rigs.tire.passages.device import device_of
 from pipeline.rigs.tire.passages.revolutions import joined, revolutions_of
 from pipeline.rigs.tire.synthetic.rig import synthesize_bench
@@ -81,6 +82,21 @@ def test_a_counter_that_stands_while_the_transmitter_sleeps_tells_loss_from_slee
 
 def test_what_a_gated_log_lost_is_unknown_where_its_counter_counts_the_sleep():
     assert np.isnan(device_of(run_of(gated=True)).loss.share)
+
+
+@pytest.mark.parametrize(
+    "lost", [(5,), (5, 6), (5, 7), (5, 6, 8), (5, 7, 8, 10), (4, 6, 8, 10)], ids=lambda turns: "-".join(map(str, turns))
+)
+def test_passages_lost_one_after_the_other_are_no_slower_turns(lost):
+    places = np.cumsum(np.full(16, 1000.0) * (1.0 + 0.002 * np.arange(16)))
+    there = np.ones(20_000, dtype=bool)
+    for turn in lost:
+        there[int(places[turn]) - 100 : int(places[turn]) + 100] = False
+    seen = np.delete(places, lost)
+    ((chain,), doubled) = chains_of(seen, np.ones(seen.size), np.concatenate([[0], np.cumsum(there)]))
+    assert doubled == 0
+    assert np.flatnonzero(chain.repaired).tolist() == list(lost)
+    assert np.allclose(chain.places, places, atol=10.0)
 
 
 def test_voltages_and_codes_give_the_same_volts():

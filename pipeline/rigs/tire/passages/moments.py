@@ -11,7 +11,7 @@ from pipeline.rigs.tire.passages.loops import sums_by_angle
 from pipeline.rigs.tire.passages.order_tracking import monotone_slopes
 from pipeline.rigs.tire.passages.revolutions import BINS
 from pipeline.rigs.tire.passages.template import ORDERS, Template, from_bins, mean_of
-from pipeline.rigs.tire.passages.times import PassageFit, between, fitted, standard_errors
+from pipeline.rigs.tire.passages.times import PassageFit, between, fitted, load_errors, standard_errors
 
 # A candidate of which the template explains less, or that is lower than this share of the usual, is no passage.
 _EXPLAINED, _LEAST = 0.5, 0.15
@@ -78,7 +78,8 @@ def moments_of(flex: np.ndarray, chain: Chain, valid: np.ndarray, known: Templat
             template = _template(flex, places)
     fit = fitted(flex, places, template)
     places = between(np.where(there, fit.places, places), there)
-    errors = np.where(there, standard_errors(flex, places, template, fit), _error_between(places, there))
+    noise, load = standard_errors(flex, places, template, fit), load_errors(places, template, fit.amplitude)
+    errors = np.where(there, np.hypot(noise, load), _error_between(places, there))
     return Moments(places, errors, ~there, fit, template)
 
 
