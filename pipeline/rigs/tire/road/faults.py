@@ -170,15 +170,24 @@ def _misfit(run: RunNumbers) -> Iterator[QualityFinding]:
 
 
 def _shape(run: RunNumbers) -> Iterator[QualityFinding]:
-    shape = run.shape_error
-    if shape is None or not shape.matters:
+    shape, pressure, tire = run.shape_error, run.causes.pressure, run.carried.tire
+    if shape is None or tire is None:
         return
-    yield _warning(
-        run,
-        f"the bench's ring leaves {100.0 * shape.share:.1f} % of the mean waveform unexplained ({100.0 * shape.share_se:.1f} % would be noise): "
-        "another tire, pressure or sensor than on the bench, or a tire that is no such ring. The errors of load and force hold "
-        f"{100.0 * shape.load_sd:.0f} % of the load for it; a load that is right in shape only may be off by more.",
-    )
+    if pressure is not None and tire.bench.pressure is not None:
+        stated = tire.pressure_ratio * tire.bench.pressure
+        yield _warning(
+            run,
+            f"the waveform is that of a tire at p0 = {stated * math.exp(pressure.change) / 1e5:.2f} bar, not at the {stated / 1e5:.2f} bar "
+            f"stated: loads read {pressure.load:+.0f} N off by that, and their errors hold it. State the pressure of the drive.",
+            "inflation_pressure",
+        )
+    elif shape.matters:
+        yield _warning(
+            run,
+            f"the bench's ring leaves {100.0 * shape.share:.1f} % of the mean waveform unexplained ({100.0 * shape.share_se:.1f} % would be "
+            "noise): another tire, pressure or sensor than on the bench, or a tire that is no such ring. The errors of load and force hold "
+            "it; a difference that leaves the shape as it is would not show here.",
+        )
 
 
 def _resistance(run: RunNumbers) -> Iterator[QualityFinding]:

@@ -29,6 +29,7 @@ from pipeline.rigs.tire.road.record import References, references_of
 from pipeline.rigs.tire.road.reference import Comparison, ReferenceTable, compare, own_direction
 from pipeline.rigs.tire.road.revolution_fit import OTHER_GAIN, REASONS, Forces, RevolutionFit, joined
 from pipeline.rigs.tire.road.rotation_only import without_forces
+from pipeline.rigs.tire.road.shape_causes import ShapeCauses, shape_causes
 from pipeline.rigs.tire.road.shape_error import ShapeError
 from pipeline.rigs.tire.road.steady_steps import in_step
 from pipeline.rigs.tire.road.systematic import systematic
@@ -95,6 +96,8 @@ class RunNumbers:
         acceleration.
     asymmetry, noise, shape_error
         Dips of some revolutions, spectrum of the noise, what the ring leaves of the mean waveform.
+    causes
+        What may be behind that.
     """
 
     run: str
@@ -116,6 +119,7 @@ class RunNumbers:
     asymmetry: Asymmetry
     noise: NoiseSpectrum | None
     shape_error: ShapeError | None
+    causes: ShapeCauses
     findings: tuple[QualityFinding, ...]
 
     @property
@@ -227,7 +231,8 @@ def numbers_of(
     forces = with_scatter(forces)
     references = references_of(recording)
     shape = fit.shape_error if fit is not None else None
-    common = _common(held, known, forces, off, shape)
+    causes = _causes(known, forces, shape)
+    common = _common(held, known, forces, off, shape, causes)
     radius = held.radius
     compared = _compared(forces, references, held, device)
     turning = rotation_known(forces)
@@ -251,6 +256,7 @@ def numbers_of(
         asymmetry=asymmetry,
         noise=fit.noise if fit is not None else None,
         shape_error=shape,
+        causes=causes,
         findings=(*held.findings, *references.findings),
     )
 
@@ -297,14 +303,27 @@ def _no_passage(device: Device, course: Course) -> str:
     return f"no passage of the sensor through the contact patch is in this log: nothing can be told of the drive.{why}"
 
 
+def _causes(known: WaveformLibrary | None, forces: Forces, shape: ShapeError | None) -> ShapeCauses:
+    fits = forces.fits
+    if known is None or shape is None or not fits.any():
+        return ShapeCauses(())
+    load, speed, R0 = (float(np.median(v[fits])) for v in (forces.load, forces.speed, forces.resistance))
+    return shape_causes(known, shape, load, speed, R0)
+
+
 def _common(
-    held: Carried, known: WaveformLibrary | None, forces: Forces, off: np.ndarray, shape: ShapeError | None
+    held: Carried,
+    known: WaveformLibrary | None,
+    forces: Forces,
+    off: np.ndarray,
+    shape: ShapeError | None,
+    causes: ShapeCauses,
 ) -> Common:
     """Return what the bench leaves uncertain of all revolutions alike."""
     if known is None or held.tire is None or not forces.fits.any():
         nothing = np.full(len(forces), math.nan)
         return Common(nothing, nothing, math.nan, {})
-    errors = systematic(known, forces.speed[forces.fits])
+    errors = systematic(known, forces.speed[forces.fits], float(np.median(forces.resistance[forces.fits])))
     state = (forces.load, forces.force, forces.speed)
     middle = tuple(np.array([np.median(values[forces.fits])]) for values in state)
     share = held.tire.correction_u
@@ -318,7 +337,10 @@ def _common(
         typical = float(np.median(np.abs(off[forces.fits])))
         sources["gain against the film"] = 100.0 * per_percent * typical, typical * abs(float(middle[1][0]))
     by_shape, aside = (shape.load_sd, shape.force_sd) if shape is not None else (0.0, 0.0)
-    sources["shape that is not the ring's"] = by_shape * float(middle[0][0]), aside * float(middle[0][0])
+    typical_load = float(middle[0][0])
+    by_shape = max(by_shape, causes.load_sd / typical_load)
+    aside = max(aside, causes.force_sd / typical_load)
+    sources["shape that is not the ring's"] = by_shape * typical_load, aside * typical_load
     return Common(
         np.sqrt(errors.load_sd(*state) ** 2 + (share * forces.load) ** 2 + by_gain**2 + (by_shape * forces.load) ** 2),
         np.sqrt(

@@ -87,8 +87,10 @@ class Systematic:
         return np.where(np.isfinite(load)[:, None, None], found, np.nan)
 
 
-def systematic(known: WaveformLibrary, speeds: np.ndarray) -> Systematic:
+def systematic(known: WaveformLibrary, speeds: np.ndarray, R0: float | None = None) -> Systematic:
     """Return how errors of the bench's numbers act on a drive at these rotations (rad/s, any shape).
+
+    `R0` is the sensor's resistance in the drive, ohm; by default that of the library.
 
     Each number is moved by 2 % either way, the contact is solved anew at six loads, and the change of the waveform is
     put through the least squares of a revolution. Takes about half a second.
@@ -104,7 +106,7 @@ def systematic(known: WaveformLibrary, speeds: np.ndarray) -> Systematic:
     nodes = np.linspace(slow, fast + 1e-6, _SPEEDS)
     moved = {
         name: [
-            _waveforms(tire.scaled(name, float(np.exp(sign * _STEP))), loads, nodes, known.orders.size)
+            waveforms(tire.scaled(name, float(np.exp(sign * _STEP))), loads, nodes, known.orders.size)
             for sign in (1, -1)
         ]
         for name in UNKNOWNS
@@ -113,7 +115,7 @@ def systematic(known: WaveformLibrary, speeds: np.ndarray) -> Systematic:
     for j, speed in enumerate(nodes):
         for push in (0, 1):
             force = push * _PUSHED * loads
-            fit = _fits(known, loads, force, np.full(_LOADS, speed))
+            fit = _fits(known, loads, force, np.full(_LOADS, speed), known.tire.sensor.R0 if R0 is None else R0)
             for p, name in enumerate(UNKNOWNS):
                 up, down = moved[name]
                 change = (up[:, j, push] - down[:, j, push]) / (2.0 * _STEP)
@@ -128,7 +130,7 @@ def _place(nodes: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return i, (held - nodes[i]) / (nodes[i + 1] - nodes[i])
 
 
-def _waveforms(tire: CalibratedTire, loads: np.ndarray, speeds: np.ndarray, count: int) -> np.ndarray:
+def waveforms(tire: CalibratedTire, loads: np.ndarray, speeds: np.ndarray, count: int) -> np.ndarray:
     """Return R2 - R0 at each load, speed and Fx (0, 0.15 Fz), ohm, shape (a, b, 2, _ANGLES)."""
     n = np.arange(count)
     sprung, start = compliance(tire.ring), None
@@ -144,7 +146,7 @@ def _waveforms(tire: CalibratedTire, loads: np.ndarray, speeds: np.ndarray, coun
     return found
 
 
-def _fits(known: WaveformLibrary, load: np.ndarray, force: np.ndarray, speed: np.ndarray) -> np.ndarray:
+def _fits(known: WaveformLibrary, load: np.ndarray, force: np.ndarray, speed: np.ndarray, R0: float) -> np.ndarray:
     """Return what the least squares of a revolution make of a change of R2, shape (m, 4, _ANGLES)."""
     sensor, n, theta = known.tire.sensor, known.orders, grid(_ANGLES)
     wave = np.exp(1j * np.outer(n, theta))
@@ -153,7 +155,7 @@ def _fits(known: WaveformLibrary, load: np.ndarray, force: np.ndarray, speed: np
     def values(harmonics: np.ndarray) -> np.ndarray:
         return np.asarray(2.0 * (harmonics[:, 1:] @ wave[1:]).real)
 
-    g = voltage_slope(sensor.R0 + values(H), sensor.VIN, sensor.R1)
+    g = voltage_slope(R0 + values(H), sensor.VIN, sensor.R1)
     J = np.stack([g * values(slope), g * values(pushed), g * values(1j * n * H), g], axis=1)
     square = np.matmul(J, J.swapaxes(1, 2))
     return np.asarray(np.linalg.solve(square, J) * g[:, None, :])
