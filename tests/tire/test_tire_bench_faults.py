@@ -10,6 +10,7 @@ from pipeline.errors import InputError
 from pipeline.rigs.tire.bench.declaration import BENCH
 from pipeline.rigs.tire.synthetic.rig import synthesize_bench
 
+RUNS = ["load_1000", "load_1500", "load_2000", "load_3000", "speed_20"]
 TRUE = {
     "bending_stiffness": 6.0,
     "belt_width": 0.21,
@@ -29,25 +30,35 @@ def true_or_null(found):
         assert p.value is None or abs(p.value - value) < max(4.0 * p.std_error, 0.02 * value)
 
 
+LEFT_OUT = {"debond": "debonding", "swapped": "swapped", "kmh": "km/h", "kg": "load looks like kg"}
+
+
+def test_runs_that_cannot_be_used_are_left_out_by_name():
+    bad = {name: variant(name) for name in LEFT_OUT}
+    found = identified([*logs(), *bad.values()])
+    used = {run.run: run.used for run in found.runs}
+    reasons = {run.run: run.reason for run in found.runs}
+    for name, words in LEFT_OUT.items():
+        assert not used[bad[name].run]
+        assert words in reasons[bad[name].run]
+    assert found.verdict == "warning"
+    true_or_null(found)
+
+
 @pytest.mark.parametrize(
-    ("name", "left_out", "words"),
+    ("name", "words"),
     [
-        ("debond", True, "debonding"),
-        ("swapped", True, "swapped"),
-        ("kmh", True, "km/h"),
-        ("kg", True, "load looks like kg"),
-        ("pressure", False, "another inflation pressure than stated, about -1"),
-        ("friction", False, "tare the beam mass"),
-        ("creep", False, "gain changed"),
-        ("direction", False, "rotation sense reversed"),
+        ("pressure", "another inflation pressure than stated, about -1"),
+        ("friction", "tare the beam mass"),
+        ("creep", "gain changed"),
+        ("direction", "rotation sense reversed"),
     ],
 )
-def test_one_bad_run_is_named_and_spoils_no_number(name, left_out, words):
+def test_one_bad_run_is_named_and_spoils_no_number(name, words):
     bad = variant(name)
     # The cause of a peak that is off is told by the other runs at that speed: five of them, not three.
     found = identified([*(seven_logs() if name in ("pressure", "creep") else logs()), bad])
-    run = next(run for run in found.runs if run.run == bad.run)
-    assert run.used is not left_out
+    assert next(run for run in found.runs if run.run == bad.run).used
     assert words in all_said(found)
     assert found.verdict == "warning"
     true_or_null(found)
@@ -82,29 +93,70 @@ def test_without_load_and_nominal_load_nothing_is_made_up():
     BENCH.sections(found)
 
 
-def test_a_frozen_and_an_empty_reference_are_set_aside():
-    first, second, *others = logs()
+def test_a_frozen_an_empty_and_a_late_reference_are_set_aside():
+    first, second, third, *others = logs()
     first = spoilt(first, "vertical_load", lambda v: np.full(v.size, v[0]))
     second = spoilt(second, "road_speed", lambda v: np.full(v.size, np.nan))
-    found = identified([first, second, *others])
+    found = identified([first, second, shifted(third, 500.0), *others])
     said = all_said(found)
     assert "a set-point or a frozen sensor" in said
     assert "road_speed is set aside: it holds no number" in said
+    assert "do not overlap" in said
     true_or_null(found)
 
 
-def test_tables_that_do_not_overlap_in_time_are_told():
-    found = identified([shifted(logs()[0], 500.0), *logs()[1:]])
-    assert "do not overlap" in all_said(found)
-    true_or_null(found)
-
-
-def test_a_load_cell_that_is_not_tared_is_rejected_and_the_offset_is_told():
-    found = identified(synthesize_bench({"duration": 10.0, "beam_mass": 30.0}, 3))
-    assert "the weight of beam and axle, or a zero point" in all_said(found)
+@pytest.mark.parametrize("told_loads", [True, False])
+def test_a_load_cell_that_is_not_tared_is_rejected_with_all_that_rests_on_it(told_loads):
+    untared = synthesize_bench({"duration": 10.0, "beam_mass": 30.0, "runs": RUNS}, 3)
+    found = identified(untared if told_loads else [told(log, nominal_load=None) for log in untared])
+    words = "the weight of beam and axle, or a zero point" if told_loads else "the load cell seems not to be tared"
+    assert words in all_said(found)
     assert found.verdict == "rejected"
-    assert found.one("calibration_1").value is None
+    for name in ("bending_stiffness", "calibration_0", "calibration_1", "load_sensitivity"):
+        assert found.one(name).value is None
+    assert not found.arrays["ring"]["value"].notna().any() if len(found.arrays["ring"]) else True
     true_or_null(found)
+    BENCH.sections(found)
+
+
+def test_a_wrong_gain_of_the_load_cell_is_no_tare_and_widens_what_rests_on_loads():
+    found = identified([told(log, nominal_load=1.1 * log.conditions["nominal_load"]) for log in logs()])
+    assert "the gain of the load cell or its unit, or nominal_load, is wrong" in all_said(found)
+    assert found.verdict == "warning"
+    p = found.one("calibration_1")
+    assert p.std_error > 0.08 * p.value
+    true_or_null(found)
+
+
+def test_load_and_speed_in_each_others_place_are_named():
+    log = logs()[0]
+    load, speed = (log.values(name).copy() for name in ("vertical_load", "road_speed"))
+    swapped = spoilt(spoilt(log, "vertical_load", lambda _: speed), "road_speed", lambda _: load)
+    with pytest.raises(InputError, match="vertical_load and road_speed look swapped"):
+        identified([swapped])
+
+
+def test_a_circuit_that_no_run_states_is_told_and_what_rests_on_it_says_so():
+    unsaid = {"divider_resistance": None, "supply_voltage": None, "adc_reference": None}
+    found = identified([told(log, **unsaid) for log in logs()])
+    assert found.verdict == "warning"
+    said = all_said(found)
+    assert "supply_voltage 3.3 V" in said
+    assert "divider_resistance 10000 ohm" in said
+    assert "adc_reference 3.3 V" in said
+    assert "as assumed" in found.one("sensor_gain").description
+    assert "assumed" not in found.one("rolling_radius").description
+
+
+def test_a_wrong_assumed_circuit_leaves_no_number_in_ohm():
+    truth = {"duration": 10.0, "runs": RUNS, "supply_voltage": 5.0, "adc_reference": 5.0, "divider_resistance": 2.2e4}
+    unsaid = {"told": {"supply_voltage": None, "divider_resistance": None}}
+    found = identified(synthesize_bench({**truth, **unsaid}, 3))
+    assert found.verdict == "rejected"
+    assert "were assumed" in found.reasons[0]
+    assert all(p.value is None for p in found.parameters if "ohm" in p.unit)
+    assert found.one("rolling_radius").value == pytest.approx(0.3171, rel=1e-3)
+    BENCH.sections(found)
 
 
 def test_friction_of_the_guides_is_taken_out_of_loads_up_and_down():
@@ -120,7 +172,7 @@ def test_another_tire_is_left_out_and_a_wrong_size_is_not_believed():
     assert [run.run for run in found.runs if not run.used] == [first.run]
     true_or_null(found)
     found = identified([told(log, tire_size="205/55R16") for log in logs()])
-    assert "tire_size or road_speed is wrong" in all_said(found)
+    assert "tire_size, road_speed or the transmitter's clock" in all_said(found)
     true_or_null(found)
 
 

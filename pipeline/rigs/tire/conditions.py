@@ -37,17 +37,18 @@ _TAKEN = "taken, and said, where not stated"
 
 _POSITIVE = Range(0.0, above=True)
 _SHARE = Range(0.0, 0.5)
+_LENGTH = Range(1e-3, 0.3)
 CONDITIONS = (
-    ConditionSpec("nominal_load", "N", "load as set; by default the mean of vertical_load", range=Range(0.0)),
-    ConditionSpec("nominal_speed", "m/s", "speed as set; by default the mean of the measured one", range=Range(0.0), read_as="km/h"),
-    ConditionSpec("inflation_pressure", "Pa", "inflation pressure over the atmosphere, p0", range=_POSITIVE),
+    ConditionSpec("nominal_load", "N", "load as set; by default the mean of vertical_load", range=Range(0.0, 1e5)),
+    ConditionSpec("nominal_speed", "m/s", "speed as set; by default the mean of the measured one", range=Range(0.0, 150.0), read_as="km/h"),
+    ConditionSpec("inflation_pressure", "Pa", "inflation pressure over the atmosphere, p0", range=Range(1e4, 2e6)),
     ConditionSpec("tire_size", "", "as on the side wall, for example 245/40R18"),
-    ConditionSpec("belt_width", "m", "width b of the belt, a first guess", range=_POSITIVE),
-    ConditionSpec("sensor_length_flex", "m", "length Ls of the flex sensor", range=_POSITIVE),
-    ConditionSpec("sensor_length_pvdf", "m", "length L_p of the PVDF film", range=_POSITIVE),
-    ConditionSpec("supply_voltage", "V", f"supply VIN of the divider; 3.3 V {_TAKEN}", range=_POSITIVE),
-    ConditionSpec("divider_resistance", "ohm", f"fixed resistor R1 of the divider; 10 kohm {_TAKEN}", range=_POSITIVE),
-    ConditionSpec("adc_reference", "V", f"voltage of the converter's full scale; 3.3 V {_TAKEN}", range=_POSITIVE),
+    ConditionSpec("belt_width", "m", "width b of the belt, a first guess", range=Range(0.02, 1.0)),
+    ConditionSpec("sensor_length_flex", "m", "length Ls of the flex sensor", range=_LENGTH),
+    ConditionSpec("sensor_length_pvdf", "m", "length L_p of the PVDF film", range=_LENGTH),
+    ConditionSpec("supply_voltage", "V", f"supply VIN of the divider; 3.3 V {_TAKEN}", range=Range(0.1, 60.0)),
+    ConditionSpec("divider_resistance", "ohm", f"fixed resistor R1 of the divider; 10 kohm {_TAKEN}", range=Range(1.0, 1e9)),
+    ConditionSpec("adc_reference", "V", f"voltage of the converter's full scale; 3.3 V {_TAKEN}", range=Range(0.1, 60.0)),
     ConditionSpec("adc_bits", "1", f"bits of the converter; 12 {_TAKEN}", range=Range(4, 24, whole=True)),
     ConditionSpec("sample_rate", "Hz", "samples per second of the microcontroller; by default as the log's times tell", range=_POSITIVE),
     ConditionSpec("frames_per_packet", "1", "samples in one radio packet; by default as packet_counter repeats, else 10", range=Range(1, whole=True)),

@@ -147,7 +147,7 @@ def bench_run(recording: Recording) -> BenchRun:
         told = next((f.message for f in findings if f.level == "error"), str(error))
         raise InputError(told if told.startswith("run ") else f"run '{recording.run}': {told}") from error
     begin, end = _turns(revolutions)
-    reference = reference_of(recording, begin, end)
+    reference = reference_of(recording, begin, end, device.span)
     point = _speed_point(recording, revolutions, reference)
     findings = (*passage_findings(device, course, waveform), *reference.findings)
     return BenchRun(

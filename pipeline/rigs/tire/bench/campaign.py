@@ -78,6 +78,13 @@ class Campaign:
     no_film: str = ""
 
     @property
+    def free_radius_u(self) -> float:
+        """Relative standard uncertainty of `free_radius`."""
+        if self.tire.free_radius is not None and not self.size_doubted:
+            return self.tire.free_radius_u
+        return max(BY_SIZE_U, self.radius_u if self.size_doubted else 0.0)
+
+    @property
     def free_radius(self) -> float:
         """Ro, m: by the tire's size where that is believed, else what a tire of this rolling radius has."""
         if self.tire.free_radius is not None and not self.size_doubted:

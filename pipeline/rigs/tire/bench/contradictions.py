@@ -20,6 +20,8 @@ from pipeline.rigs.tire.passages.passage_faults import FIRST_HARMONIC
 _SURE, _LOPSIDED = 5.0, 0.003
 # First harmonic over the peak that speaks against the divider's law where the ring does not fit either: sound logs have 1e-4.
 _CLOSED = 0.003
+# Neighbouring angles of 1024 that no revolution has.
+_SHADOW = 3
 
 
 def doubt_closure(found: Campaign) -> None:
@@ -32,6 +34,21 @@ def doubt_closure(found: Campaign) -> None:
                 "divider_resistance, supply_voltage or adc_reference"
             )
             found.doubted[run.name] = found.uncalibrated[run.name] = found.unfitted[run.name] = text
+
+
+def doubt_shadow(found: Campaign) -> None:
+    """Set aside what is read off waveforms that lack the same angles in every revolution, though the log is not gated."""
+    for run in found.runs:
+        lost = run.waveform.count == 0
+        if not math.isfinite(run.waveform.level) or lost.sum() < _SHADOW or run.name in found.doubted:
+            continue
+        angles = np.degrees(run.waveform.theta[lost])
+        text = (
+            f"radio shadow: {lost.mean():.1%} of the angles, from {angles.min():.0f} to {angles.max():.0f} deg after the peak, are lost in every revolution. "
+            "What is read off the waveform there is not told. Turn the antenna or the receiver, or write to the SD card"
+        )
+        found.doubted[run.name] = found.uncalibrated[run.name] = text
+        found.findings.append(QualityFinding("warning", text, run.name, "packet_counter"))
 
 
 def _first_harmonic(run: BenchRun) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.errors import InputError, listing
 from pipeline.recording import QualityFinding
 from pipeline.rigs.tire.bench.bench_run import BenchRun
-from pipeline.rigs.tire.bench.campaign import BY_SIZE_U, Campaign
+from pipeline.rigs.tire.bench.campaign import Campaign
 from pipeline.rigs.tire.bench.reference import HEIGHT
 from pipeline.rigs.tire.bench.ring_fit import fit_ring
 from pipeline.rigs.tire.bench.ring_run import Known, RingRun, noise_error
@@ -53,7 +53,7 @@ def fit_rings(found: Campaign) -> None:
         belt_width=tire.belt_width,
         pressure_u=tire.pressure_u,
         load_gain_u=tire.load_gain_u,
-        outer_radius_u=BY_SIZE_U if found.size_doubted or tire.free_radius is None else tire.free_radius_u,
+        outer_radius_u=found.free_radius_u,
     )
     try:
         found.ring = fit_ring(runs, known)

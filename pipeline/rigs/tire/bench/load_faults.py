@@ -114,7 +114,7 @@ def shared_error(runs: Sequence[BenchRun]) -> SharedError | None:
         if abs(share) < _SHARED or as_share > 0.5 * abs(share) * told.mean():
             return None
         text = (
-            f"vertical_load is {100 * share:+.1f} % of the load as set in all runs: the gain of the load cell or its unit, or nominal_load, is wrong. "
+            f"vertical_load is {100 * share:+.1f} % off the load as set in all runs: the gain of the load cell or its unit, or nominal_load, is wrong. "
             "Which of them, nothing here tells: every load, and what follows from it, is taken to be that uncertain. Check the cell with a known weight"
         )
         return SharedError(0.0, share, QualityFinding("warning", text, None, LOAD))

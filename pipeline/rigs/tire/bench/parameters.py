@@ -23,7 +23,7 @@ _LENGTHS = {"deformation_length": "deformation", "slope_length": "slope", "zero_
 _MARKS = {"peak_resistance": "peak", "dip_leading": "dip_leading", "dip_trailing": "dip_trailing"}
 _CALIBRATION = ("load_sensitivity", "calibration_0", "calibration_1", "calibration_2")
 # Reduced chi-square of the PVDF's ratio to the flex sensor above which it is no constant law.
-LAWLESS = 4.0
+_LAWLESS = 4.0
 # Shared errors below that are not told one by one (relative).
 _SLIGHT = 1e-3
 # Lengths with larger errors than that are none (relative).
@@ -33,6 +33,10 @@ _SOURCES = {
     "load_gain": "load cell",
     "belt_radius": "R",
     "outer_radius": "Ro",
+}
+_NEVER_NEGATIVE = {
+    "loss_factor": "the sense of rotation is reversed, or the wheel is driven",
+    "sensor_lag": "the log runs backward, or the runs do not tell lag and loss apart",
 }
 FILM = ("pvdf_gain", "pvdf_time_constant", "pvdf_offset_angle")
 
@@ -89,8 +93,11 @@ def _radius(found: Campaign) -> Estimate:
         return undetermined("rolling_radius", found.no_line)
     if found.line.suspicion:
         return undetermined("rolling_radius", found.line.suspicion)
-    told = "gain of road_speed taken as exact"
-    return replace(found.line.radius, reason=told)
+    radius = found.line.radius
+    if found.size_doubted and radius.value is not None:
+        why = "widened by its contradiction to the tire's size"
+        return estimate("rolling_radius", radius.value, found.radius_u * radius.value, reason=why)
+    return replace(radius, reason="gain of road_speed taken as exact")
 
 
 def _ring_method(found: Campaign) -> str:
@@ -107,11 +114,9 @@ def _ring(found: Campaign) -> list[Estimate]:
             "belt_width",
             "no run states its inflation pressure, and the waveforms only tell p0 b; state inflation_pressure",
         )
-    if (by["loss_factor"].value or 0.0) < 0.0:
-        by["loss_factor"] = undetermined(
-            "loss_factor",
-            "it comes out negative, which no tire is: the sense of rotation is reversed, or the wheel is driven",
-        )
+    for name, why in _NEVER_NEGATIVE.items():
+        if (known := by[name]).ci95 is not None and known.ci95[1] < 0.0:
+            by[name] = undetermined(name, f"it comes out negative, which cannot be: {why}")
     words = "type A"
     shared = [
         f"{_SOURCES.get(i.source, i.source)} {100 * i.relative:.2g} %"
@@ -223,18 +228,26 @@ def _calibration(found: Campaign) -> list[Estimate]:
     return [replace(e, reason=words) if e.value is not None and e.name != "calibration_0" else e for e in own]
 
 
+def lawless(found: Campaign) -> str:
+    """Return why the law of the PVDF's ratio to the flex sensor is not believed; empty where it is."""
+    film = found.film
+    if film is None or film.chi2_reduced < _LAWLESS:
+        return ""
+    if found.verdict is not None and not found.verdict.fits:
+        return "the flex sensor does not follow its model, see the ring fit, nor does the PVDF's ratio to it"
+    if film.verdict == "good" and not found.mirrored:
+        return ""
+    return (
+        f"the PVDF's ratio to the flex sensor departs from its law by more than noise (chi2_red {film.chi2_reduced:.3g}): sensor_length_pvdf or "
+        "sensor_length_flex are not as stated, a bond yields, or the log runs backward. Measure both lengths"
+    )
+
+
 def _film(found: Campaign) -> list[Estimate]:
     if found.film is None:
         return [undetermined(name, found.no_film) for name in FILM]
-    rejected = found.verdict is not None and not found.verdict.fits and found.film.chi2_reduced > LAWLESS
-    rows = [
-        undetermined(
-            name, "the flex sensor does not follow its model, see the ring fit, nor does the PVDF's ratio to it"
-        )
-        if rejected
-        else found.film.estimates[name]
-        for name in FILM
-    ]
+    why = lawless(found)
+    rows = [undetermined(name, why) if why else found.film.estimates[name] for name in FILM]
     rows += [Estimate("pvdf_nrmse", run.nrmse, at={"run": run.run}) for run in found.film.runs]
     return rows + [undetermined("pvdf_nrmse", why, {"run": run}) for run, why in found.film.left_out.items()]
 

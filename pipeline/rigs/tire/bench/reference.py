@@ -23,6 +23,8 @@ _COVERED, _EMPTY = 0.2, 0.5
 _PATCH = 0.125
 # From the first to the last quarter: a mean that moves more than that is told.
 _DRIFT = {LOAD: 0.02, SPEED: 0.02}
+# Another speed in so much of the log, of which no passage is used, is told.
+_UNUSED, _UNUSED_SPEED = 0.2, 0.05
 _WORDS = {LOAD: "load", SPEED: "speed", HEIGHT: "hub height"}
 
 
@@ -53,8 +55,10 @@ class Reference:
         return self.means[channel].std_error if channel in self.means else math.nan
 
 
-def reference_of(recording: Recording, begin: np.ndarray, end: np.ndarray) -> Reference:
+def reference_of(recording: Recording, begin: np.ndarray, end: np.ndarray, log: tuple[float, float]) -> Reference:
     """Return the means of the reference channels over the revolutions that begin and end then (s), shape (m,) each.
+
+    `log` is when the transmitter's log begins and ends, s.
 
     The waveform shows load and height of the moments when the sensor is in the patch, so these are averaged about
     the passages only, half a turn after each begin: a drum's wave is seen at its same phases turn after turn. Only the
@@ -88,6 +92,8 @@ def reference_of(recording: Recording, begin: np.ndarray, end: np.ndarray) -> Re
             findings.append(QualityFinding("warning", text, recording.run, name, frozen))
         means[name] = _mean(values[inside], kept, seen if name != SPEED and seen.sum() >= _FEWEST else kept)
         findings += _drifting(recording.run, name, time[inside], values[inside])
+        if name == SPEED:
+            findings += _elsewhere(recording.run, time, values, inside, means[name].value, log)
     return Reference(means, why, tuple(findings))
 
 
@@ -144,6 +150,22 @@ def _mean(values: np.ndarray, kept: np.ndarray, seen: np.ndarray) -> Mean:
     noise = float(np.std(np.diff(whole, 2))) / math.sqrt(6.0) if whole.size > 4 else float(np.std(whole))
     count = int(seen.sum())
     return Mean(float(values[seen].mean()), noise / math.sqrt(count), float(whole.std()), count)
+
+
+def _elsewhere(
+    run: str, time: np.ndarray, values: np.ndarray, inside: np.ndarray, used: float, log: tuple[float, float]
+) -> list[QualityFinding]:
+    """Tell of a wheel that turned at another speed for much of the log, of which no passages are used."""
+    others = ~inside & np.isfinite(values) & (time >= log[0]) & (time <= log[1])
+    share = float(others.sum()) / max(int((others | inside).sum()), 1)
+    mean = float(values[others].mean()) if others.any() else math.nan
+    if share < _UNUSED or not abs(mean - used) > _UNUSED_SPEED * abs(used):
+        return []
+    text = (
+        f"speed is not constant: road_speed is {mean:.3g} m/s on the mean in the {share:.0%} of the log whose passages are not used, and {used:.3g} m/s in the "
+        "rest. The run stands for the latter only; hold the speed, or cut the run in recipe or log"
+    )
+    return [QualityFinding("warning", text, run, SPEED, log)]
 
 
 def _drifting(run: str, name: str, time: np.ndarray, values: np.ndarray) -> list[QualityFinding]:

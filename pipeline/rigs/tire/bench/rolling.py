@@ -44,9 +44,12 @@ def _hold_against_size(found: Campaign) -> None:
     if free is None or abs(found.radius / expected_radius(2.0 * free) - 1.0) <= _BELIEVED:
         return
     found.size_doubted = True
+    off = abs(found.radius / expected_radius(2.0 * free) - 1.0)
+    found.radius_u = max(found.radius_u, off)
     text = (
         f"the tire rolls on {1e3 * found.radius:.1f} mm, and {found.tire.size} of free radius {1e3 * free:.1f} mm on about "
-        f"{1e3 * expected_radius(2.0 * free):.1f} mm: tire_size or road_speed is wrong. The ring fit takes {1e3 * found.free_radius:.1f} mm as free radius instead. "
-        "Read the size off the side wall"
+        f"{1e3 * expected_radius(2.0 * free):.1f} mm: tire_size, road_speed or the transmitter's clock (sample_rate) is wrong. "
+        f"Which of them, nothing here tells: the rolling radius is taken to be {100 * off:.1f} % uncertain, and the ring fit takes {1e3 * found.free_radius:.1f} mm "
+        "as free radius. Read the size off the side wall, and check speed and clock"
     )
     found.findings.append(QualityFinding("warning", text))

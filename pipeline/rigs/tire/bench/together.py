@@ -7,7 +7,13 @@ from dataclasses import replace
 
 from pipeline.rigs.tire.bench.bench_run import BenchRun
 from pipeline.rigs.tire.bench.campaign import Campaign
-from pipeline.rigs.tire.bench.contradictions import doubt_circuit, doubt_closure, look_for_mirrored, look_for_odd
+from pipeline.rigs.tire.bench.contradictions import (
+    doubt_circuit,
+    doubt_closure,
+    doubt_shadow,
+    look_for_mirrored,
+    look_for_odd,
+)
 from pipeline.rigs.tire.bench.film_check import check_film
 from pipeline.rigs.tire.bench.joint_fit import fit_rings
 from pipeline.rigs.tire.bench.load_faults import hysteresis, shared_error
@@ -25,6 +31,7 @@ def campaign_of(tire: Tire, runs: Sequence[BenchRun]) -> Campaign:
     order = highest_order(tire.length, found.radius)
     found.features = {run.name: features(run.waveform, found.radius, order) for run in runs}
     doubt_closure(found)
+    doubt_shadow(found)
     look_for_odd(found)
     odd = {one.run for one in found.odd}
     even = [run for run in found.runs if run.name not in odd]

@@ -20,7 +20,7 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.tire.bench.campaign import Campaign
 from pipeline.rigs.tire.bench.declaration import PARAMETERS
 from pipeline.rigs.tire.bench.identifiability import statements
-from pipeline.rigs.tire.bench.parameters import FILM, LAWLESS
+from pipeline.rigs.tire.bench.parameters import FILM, lawless
 
 _TOLD = 4
 _FEW_LOADS = 5
@@ -159,12 +159,7 @@ def _film(said: Judgement, found: Campaign, some_left_out: bool) -> None:
         )
     else:
         word = {"good": "ok", "bad": "suspect"}.get(found.film.verdict, "fair")
-        if (
-            word != "suspect"
-            and found.film.chi2_reduced > LAWLESS
-            and found.verdict is not None
-            and not found.verdict.fits
-        ):
+        if word != "suspect" and lawless(found):
             word = "doubtful"
         (said.warn if word in ("suspect", "doubtful") else said.reasons.append)(
             ended(f"Bonding {word}{where}: {found.film.statement}")
