@@ -97,3 +97,12 @@ def test_noise_of_the_film_is_taken_where_it_rests():
     loud = run.film_se + 0.05 * np.abs(run.film)
     assert quiet_error(run.film, loud) == pytest.approx(run.film_se, rel=1.0)
     assert np.ptp(quiet_error(run.film, loud)) == 0.0
+
+
+def test_a_film_that_is_longer_than_told_is_within_the_errors():
+    told = {**LENGTHS, "film_length": 0.03 / 1.02}
+    found = fit_film(_runs(), **told, film_length_u=0.04, flex_length_u=1e-3)
+    assert found.film_length == pytest.approx(0.03, rel=0.02)
+    assert (np.abs(found.values - TRUTH) < 3.0 * np.sqrt(np.diag(found.covariance))).all()
+    exact = fit_film(_runs(), **told)
+    assert abs(exact.values[0] - TRUTH[0]) > 3.0 * np.sqrt(exact.covariance[0, 0])

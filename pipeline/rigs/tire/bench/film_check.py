@@ -57,11 +57,14 @@ def check_film(found: Campaign) -> None:
 def _film_of(runs: list[FilmRun], found: Campaign) -> FilmFit:
     tire = found.tire
     known = found.ring is not None and found.verdict is not None and found.verdict.fits
-    values = found.ring.values if found.ring is not None and known else None
+    ring = found.ring if known else None
+    values = ring.values if ring is not None else None
     return fit_film(
         runs,
         film_length=tire.film_length or math.nan,
         flex_length=values.sensor_length if values is not None else tire.length,
         R=found.radius,
         flex_lag=values.sensor_lag if values is not None else None,
+        film_length_u=tire.sensor_length_u,
+        flex_length_u=ring.std_error("sensor_length") / ring.values.sensor_length if ring else tire.sensor_length_u,
     )

@@ -22,7 +22,11 @@ NAMES = ("pvdf_gain", "pvdf_time_constant", "pvdf_offset_angle", "sensor_lag")
 LOWEST, HIGHEST = 2, 32
 # Orders too near the flex sensor's null (sin(y)/y below this) carry its noise only.
 _LEAST_AVERAGING = 0.15
-_SIZES = np.array([1.0, 1e-3, 1e-2, 1e-3])
+# Gain, two time constants and angle in these sizes; then the logarithms of both lengths over what is told of them.
+_SIZES = np.array([1.0, 1e-3, 1e-2, 1e-3, 1.0, 1.0])
+# A length that is told as exact.
+_EXACT = 1e-6
+_FURTHEST = 0.3
 _LIMIT = 0.1
 _LEAST_ANGLE = 0.02
 _SAME_SPEED = 1.1
@@ -80,6 +84,8 @@ class FilmFit:
         ratio shows it), each with a value or a reason.
     values, covariance
         The four as fitted, SI, (4,) and (4, 4), told or not.
+    film_length, flex_length
+        Lengths as fitted, m.
     chi2_reduced
         Mean squared residual over the noise of both sensors.
     left_out
@@ -91,6 +97,8 @@ class FilmFit:
     estimates: dict[str, Estimate]
     values: np.ndarray
     covariance: np.ndarray
+    film_length: float
+    flex_length: float
     chi2_reduced: float
     runs: tuple[FilmRunFit, ...]
     left_out: dict[str, str]
@@ -111,7 +119,14 @@ class _Orders:
 
 
 def fit_film(
-    runs: Sequence[FilmRun], *, film_length: float, flex_length: float, R: float, flex_lag: float | None = None
+    runs: Sequence[FilmRun],
+    *,
+    film_length: float,
+    flex_length: float,
+    R: float,
+    flex_lag: float | None = None,
+    film_length_u: float = 0.0,
+    flex_length_u: float = 0.0,
 ) -> FilmFit:
     """Fit film over flex (T8) to all runs.
 
@@ -123,6 +138,9 @@ def fit_film(
         Lengths of the sensors; belt radius; m.
     flex_lag
         Lag of the flex sensor from the ring fit, s: where to start.
+    film_length_u, flex_length_u
+        Relative standard uncertainties of the lengths. Both are fitted along within them: a film or sensor that is longer
+        than told lowers the high orders as a longer time constant would.
 
     Raises
     ------
@@ -140,18 +158,20 @@ def fit_film(
         raise InputError(f"the PVDF check needs runs with both sensors ({reasons}).")
 
     def model(x: np.ndarray, s: _Orders) -> np.ndarray:
-        gain, tau_p, angle, tau_f = x * _SIZES
+        gain, tau_p, angle, tau_f, flex, film = x * _SIZES
         return film_over_flex(
             s.n,
             s.run.rotation,
             gain=gain,
             time_constant=tau_p,
             offset_angle=angle,
-            film_length=film_length,
-            flex_length=flex_length,
+            film_length=film_length * math.exp(film),
+            flex_length=flex_length * math.exp(flex),
             flex_lag=tau_f,
             R=R,
         )
+
+    spread = np.maximum([flex_length_u, film_length_u], _EXACT)
 
     def residual(x: np.ndarray) -> np.ndarray:
         rows = []
@@ -159,17 +179,17 @@ def fit_film(
             H = model(x, s)
             r = (s.V - H * s.X) / np.sqrt(s.film_sd**2 + np.abs(H) ** 2 * s.flex_sd**2)
             rows += [r.real, r.imag]
-        return np.concatenate(rows)
+        return np.concatenate([*rows, x[4:] / spread])
 
     from scipy.optimize import least_squares
 
     best = None
     for tau_p in (2e-3, 2e-2, 2e-4):
-        start = np.array([1.0, tau_p, 0.0, flex_lag or 0.0]) / _SIZES
+        start = np.array([1.0, tau_p, 0.0, flex_lag or 0.0, 0.0, 0.0]) / _SIZES
         start[0] = _gain(start, spectra, model)
-        scale = np.array([abs(start[0]) or 1.0, 1.0, 1.0, 1.0])
-        low = np.array([-np.inf, 1e-5, -1.0, -1e-3]) / _SIZES
-        high = np.array([np.inf, 10.0, 1.0, 5e-2]) / _SIZES
+        scale = np.array([abs(start[0]) or 1.0, 1.0, 1.0, 1.0, *spread])
+        low = np.array([-np.inf, 1e-5, -1.0, -1e-3, -_FURTHEST, -_FURTHEST]) / _SIZES
+        high = np.array([np.inf, 10.0, 1.0, 5e-2, _FURTHEST, _FURTHEST]) / _SIZES
         found = least_squares(
             residual, start, bounds=(low, high), x_scale=scale, jac="3-point", ftol=1e-12, xtol=1e-12, max_nfev=300
         )
@@ -178,19 +198,22 @@ def fit_film(
     assert best is not None
     jacobian = np.asarray(best.jac)
     plain, _ = covariance_of(jacobian)
-    dof = max(best.fun.size - best.x.size, 1)
-    reduced = 2.0 * float(best.cost) / dof
-    bent = plain @ jacobian.T @ _noise(spectra, [model(best.x, s) for s in spectra])
-    covariance = max(reduced, 1.0) * (bent @ bent.T) * np.outer(_SIZES, _SIZES)
-    values = np.asarray(best.x * _SIZES)
+    rows = best.fun.size - spread.size
+    reduced = float(best.fun[:rows] @ best.fun[:rows]) / max(rows - len(NAMES), 1)
+    bent = plain @ jacobian[:rows].T @ _noise(spectra, [model(best.x, s) for s in spectra])
+    told = plain @ jacobian[rows:].T
+    covariance = (max(reduced, 1.0) * (bent @ bent.T) + told @ told.T) * np.outer(_SIZES, _SIZES)
+    k, values = len(NAMES), np.asarray(best.x * _SIZES)
     fitted = tuple(_run_fit(s, model(best.x, s)) for s in spectra)
     speeds = _distinct([s.run.rotation for s in spectra])
     worst = max(run.nrmse for run in fitted)
     verdict = "good" if worst < _GOOD else "bad" if worst > _BAD else "fair"
     return FilmFit(
         {name: _told(i, values, covariance, speeds, verdict) for i, name in enumerate(NAMES)},
-        values,
-        covariance,
+        values[:k],
+        covariance[:k, :k],
+        film_length * math.exp(values[k + 1]),
+        flex_length * math.exp(values[k]),
         reduced,
         fitted,
         left_out,

@@ -8,7 +8,7 @@ import numpy as np
 
 # A standard error estimated from a few revolutions scatters from bin to bin; its mean over neighbours weighs better.
 _NEIGHBOURS = 15
-_FEWEST_GROUPS = 6
+_FEWEST_GROUPS = 4
 _LEAST_KEPT = 0.2
 # Orders that the modes below are made of.
 _SMOOTH = 100
