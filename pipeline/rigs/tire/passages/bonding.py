@@ -10,6 +10,8 @@ from pipeline.rigs.tire.passages.revolutions import Revolutions
 
 # Standard deviations and relative size of a step; without a film load may change, so more is asked.
 _SURE, _LEAST, _LEAST_ALONE = 5.0, 0.03, 0.2
+# A change of speed that the film follows.
+_FASTER = 0.1
 # Revolutions on either side.
 _SIDE, _FEWEST = 20, 3
 
@@ -62,6 +64,12 @@ def step_of(revolutions: Revolutions, *, has_film: bool) -> Step | None:
         before, after = (float(np.median(values[side])) for side in sides)
         return after / before - 1.0
 
+    if (
+        film is not None
+        and abs(change_of(revolutions.speed[good])) > _FASTER
+        and abs(change_of(flex[good])) < _LEAST_ALONE
+    ):
+        return None  # It is the film, which grows with the speed.
     return Step(
         float(0.5 * (times[at - 1] + times[at])),
         change_of(flex[good]),

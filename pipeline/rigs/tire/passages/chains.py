@@ -56,9 +56,10 @@ def chains_of(places: np.ndarray, heights: np.ndarray, valid: np.ndarray) -> tup
         if inserted.size:
             current += inserted.tolist()
             marks += [True] * inserted.size
-        elif not 1.0 / _FASTER < period / usual < longest:
+        elif not 1.0 / _FASTER < period / usual < longest and not (len(current) > 1 and _alike(single[i - 1 : i + 1])):
             chains.append(Chain(np.array(current), np.array(marks)))
-            current, marks = [], []
+            goes_on = i + 2 < single.size and _alike(single[i : i + 3])
+            current, marks = ([float(places[i])], [False]) if goes_on else ([], [])
         current.append(float(places[i + 1]))
         marks.append(False)
     chains.append(Chain(np.array(current), np.array(marks)))
@@ -106,6 +107,11 @@ def _usual(periods: np.ndarray, i: int) -> float:
     sides = [median(side) for side in (before[-2:], after[:2]) if side]
     near = float(sum(sides) / len(sides))
     return near if abs(near / middle - 1.0) < 0.3 else middle
+
+
+def _alike(periods: np.ndarray) -> bool:
+    """Tell whether two or more intervals in a row are of nearly the same length: a speed that the wheel keeps."""
+    return bool(periods.size > 1 and np.ptp(periods) < _OFF * periods.min())
 
 
 def _of_one_turn(places: np.ndarray, valid: np.ndarray) -> np.ndarray:

@@ -18,12 +18,15 @@ from pipeline.rigs.tire.passages.waveform import Waveform
 Course = Revolutions
 """Revolutions of a whole log without their tables: an hour of them is small."""
 
-_GATED_SHARE, _GATED_PATCH = 0.75, 0.9
+# Share of a revolution's samples in a gated log; those about the patch are there by so much more.
+_GATED_SHARE, _GATED_PATCH = 0.75, 0.25
 _SKEWED, _EVEN = 2.0, 1.2
 FIRST_HARMONIC = 0.02
 _DRIFT, _SCATTER, _GAIN_DRIFT = 0.01, 0.02, 0.04
 _FEWEST = 6
 _DEAD = 5.0
+# A stop shorter than the wheel would have needed for this angle (rad) is none.
+_SHORT_STOP = 25.0
 _HUM = 1.0
 # Amplitude and level that change as a falling supply would let them do, within this share of the change.
 _LIKE_SAG = 0.4
@@ -40,7 +43,8 @@ def is_gated(device: Device, course: Course) -> bool:
         return True
     if len(course) < _FEWEST:
         return False
-    return bool(np.median(course.share) < _GATED_SHARE and np.median(course.patch) > _GATED_PATCH)
+    share = float(np.median(course.share))
+    return bool(share < _GATED_SHARE and np.median(course.patch) > share + _GATED_PATCH)
 
 
 def passage_findings(device: Device, course: Course, waveform: Waveform | None) -> tuple[QualityFinding, ...]:
@@ -160,12 +164,14 @@ def _order(found: _Findings, device: Device, course: Course) -> None:
         found.add("note", f"{counted(course.doubled, 'double peak')} dropped.", "flex_voltage")
     if course.spikes:
         found.add("note", f"{counted(course.spikes, 'spike')} of single samples left out.", "flex_voltage")
-    spans = [(a, b) for a, b in course.stops if b - a > 0.0]
+    turn = 2.0 * math.pi / float(np.median(course.speed))
+    spans = [(a, b) for a, b in course.stops if b - a > 0.5 * turn]
     for begin, end in spans[:10]:
+        near = course.speed[np.argmin(np.abs(course.times - begin))]
+        why = "too much is lost" if (end - begin) * near < _SHORT_STOP else "the wheel stands or nearly so"
         found.add(
             "note",
-            f"the wheel stands or nearly so, or too much is lost, from t = {begin:.1f} to {end:.1f} s: no speed and no "
-            "revolution there.",
+            f"{why} from t = {begin:.1f} to {end:.1f} s: no speed and no revolution there.",
             "flex_voltage",
             (begin, end),
         )
@@ -216,8 +222,7 @@ def _signals(found: _Findings, device: Device, course: Course, gated: bool) -> N
     if clipped and not course.open:
         found.add(
             "error" if clipped > 0.5 * len(course) else "warning",
-            f"flex sensor clipped in {clipped} of {len(course)} revolutions: they are left out. Choose a divider "
-            "resistance nearer to R2.",
+            f"flex sensor clipped in {clipped} of {len(course)} revolutions: they are left out. {_clipping(device)}",
             "flex_voltage",
         )
     _film(found, device, course)
@@ -235,6 +240,16 @@ def _signals(found: _Findings, device: Device, course: Course, gated: bool) -> N
     slope = VIN * R1 / (R1 + float(np.nanmedian(course.level))) ** 2
     if hum > _HUM * noise * slope or hum > 5e-3:
         found.add("warning", f"mains hum of {hum * 1e3:.1f} mV at the flex sensor: shield it.", "flex_voltage")
+
+
+def _clipping(device: Device) -> str:
+    """Say why the flex sensor can be at an end of its range."""
+    if device.adc_full_scale > device.supply_voltage + 2.0 * device.step:
+        return (
+            f"A divider gives no more than its supply (supply_voltage {device.supply_voltage:g} V), the converter reads up to "
+            f"adc_reference ({device.adc_full_scale:g} V): check both."
+        )
+    return "Choose a divider resistance nearer to R2."
 
 
 _INVERTED_POLARITY = "flex polarity inverted: the peaks point down; R2 is mirrored about its level"

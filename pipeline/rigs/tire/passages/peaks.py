@@ -24,8 +24,9 @@ _STANDS_OUT, _CODES = 5.0, 3.0
 # A hump lower than this share of both its neighbourhoods is none.
 _LEAST_HEIGHT = 0.35
 _NEIGHBOURS = 5
-# A single sample that differs from both neighbours by so many swings of the signal is a spike.
-_SPIKE = 1.2
+# A single sample is a spike if it differs from both neighbours by so many times what all but 1.5 % do, and by this share
+# of the signal's swing.
+_SPIKE, _SPIKE_HEIGHT = 3.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,19 +49,24 @@ def coarse(flex: np.ndarray, rate: float) -> tuple[np.ndarray, int]:
 
 
 def without_spikes(flex: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return the samples without single ones that stand out by more than the signal ever swings, and how many they were."""
-    valid = flex[np.isfinite(flex)]
-    if valid.size < 20:
+    """Return the samples without single ones that stand out of both their neighbours, and how many they were.
+
+    What the noise and the passage itself do from sample to sample is seen in more than one sample of sixty.
+    """
+    jump = np.diff(flex)
+    size = np.abs(jump)
+    some = size[:: max(1, size.size // 100_000)]
+    some = some[np.isfinite(some)]
+    valid = flex[:: max(1, flex.size // 100_000)]
+    valid = valid[np.isfinite(valid)]
+    if some.size < 20:
         return flex, 0
-    swing = float(np.subtract(*np.quantile(valid[:: max(1, valid.size // 100_000)], [0.995, 0.005])))
-    least = _SPIKE * max(swing, 0.02)
-    jump = np.abs(np.diff(flex)) > least
-    # Beside a spike the mean of the neighbours is wrong: a sample counts only if it differs from both of them.
-    alone = jump[1:] & jump[:-1]
-    if alone.any():
-        alone &= np.abs(flex[1:-1] - 0.5 * (flex[:-2] + flex[2:])) > least
+    swing = float(np.subtract(*np.quantile(valid, [0.99, 0.01])))
+    far = size > max(_SPIKE * float(np.quantile(some, 0.985)), _SPIKE_HEIGHT * max(swing, 0.02))
+    alone = far[1:] & far[:-1]
     if not alone.any():
         return flex, 0
+    alone &= jump[1:] * jump[:-1] < 0.0
     cleaned = flex.copy()
     cleaned[1:-1][alone] = np.nan
     return cleaned, int(alone.sum())
