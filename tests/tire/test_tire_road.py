@@ -148,6 +148,23 @@ def test_without_a_bench_only_the_speed_is_told():
     assert parameter.value is None
     assert "no bench campaign" in parameter.description
     assert found.verdict == "warning"
+    assert "debonding" not in messages(found)
+
+
+def test_what_is_not_known_of_a_revolution_is_empty():
+    table = drive().arrays["revolutions"]
+    for name in ("speed", "vertical_load", "longitudinal_force"):
+        for suffix in ("", "_filtered"):
+            value, error = table[f"{name}{suffix}"], table[f"{name}_se{suffix}"]
+            assert (value.isna() == error.isna()).all()
+    silent = short(silence=[10.0, 17.0]).arrays["revolutions"]
+    assert silent.loc[silent["time"].between(12.0, 16.0), REVOLUTIONS[3:]].isna().all().all()
+
+
+def test_a_wheel_that_stands_is_refused_in_words():
+    (recording,) = synthesize_road({**SHORT, "duration": 5.0, "speeds": [[0.0, 1e-3]]}, 5)
+    with pytest.raises(InputError, match="no passage"):
+        identified([recording])
 
 
 def test_pressure_that_is_told_is_corrected_and_one_that_is_not_shows_in_the_reference():
@@ -157,7 +174,10 @@ def test_pressure_that_is_told_is_corrected_and_one_that_is_not_shows_in_the_ref
     assert "now p0 = 1.98 bar" in messages(told, "warning")
     hidden = short(**low, told={"inflation_pressure": TRUTH.inflation_pressure})
     assert hidden.arrays["drives"]["load_bias"][0] == pytest.approx(0.085 * 3500.0, rel=0.2)
-    assert "mean difference to vertical_load" in messages(hidden, "warning")
+    assert "the waveform is that of a tire at p0 = 1.9" in messages(hidden, "warning")
+    table, true = hidden.arrays["revolutions"], truth_of({**SHORT, **low}, 5)
+    off = (table["vertical_load"] - true.at("Fz", table["time"].to_numpy())).abs()
+    assert (off < 1.96 * table["vertical_load_se"])[off.notna()].mean() > 0.95
     assert hidden.verdict == "warning"
 
 

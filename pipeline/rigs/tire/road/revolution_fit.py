@@ -41,6 +41,13 @@ _LEARNT_FROM = 256
 _LEARNING = 3
 # Error of bins and library, relative: what bench runs without road noise show.
 _INTERPOLATION = 4e-4
+# Power that a Hann taper takes from half orders away, |sinc(x)/(1 - x^2)|^2 over its sum.
+_TAPERED = {
+    0: 0.3335,
+    **dict.fromkeys((-1, 1), 0.2403),
+    **dict.fromkeys((-2, 2), 0.0834),
+    **dict.fromkeys((-3, 3), 0.0096),
+}
 _FARTHEST_SHIFT = 0.15
 _NEIGHBOURS = 31
 _WORST_MISFIT = 2.0
@@ -202,8 +209,12 @@ class RevolutionFit:
         bent = np.fft.rfft(columns * taper, axis=2)[:, :, orders]
         power = np.abs(np.fft.rfft(residual * taper, axis=1)[:, orders]) ** 2 / ANGLES
         fitted = np.einsum("jan,jab,jbn->jn", bent.conj(), found.covariance[rows], bent, optimize=True).real / ANGLES
-        S = self._variances(data)[rows][:, 2 * orders]
+        half = self._variances(data)[rows]
+        S = half[:, 2 * orders]
         kept = np.clip(1.0 - fitted / S, 0.1, 1.0)
+        # What the taper smears into an order from those beside it, by the spectrum as far as it is known.
+        smeared = sum(share * half[:, np.clip(2 * orders + k, 1, 2 * ANGLES // 2)] for k, share in _TAPERED.items())
+        power = power * np.clip(S / smeared, 0.1, 1.5)
         noise.add(orders * data.speed[rows, None] / (2.0 * np.pi), power / to_variance(data.speed[rows]), kept)
         return noise
 

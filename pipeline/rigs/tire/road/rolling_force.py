@@ -9,6 +9,8 @@ import numpy as np
 # Steady: rad/s^2 (0.3 m/s^2) over so many revolutions on either side; how many tell a force, over what range of speed squared.
 _STEADY, _AROUND = 1.0, 4
 _FEWEST_STEADY, _STEADY_SHARE, _RANGE = 20, 0.1, 0.3
+# Among revolutions that take so many times longer than they should, some are lost: the wheel may have stood.
+_GAP = 2.5
 
 
 def rolling_force(time: np.ndarray, rotation: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -18,21 +20,30 @@ def rolling_force(time: np.ndarray, rotation: np.ndarray, force: np.ndarray) -> 
     """
     change = np.full(time.size, math.inf)
     if time.size > 2 * _AROUND:
-        lapse = time[2 * _AROUND :] - time[: -2 * _AROUND]
-        change[_AROUND:-_AROUND] = (rotation[2 * _AROUND :] - rotation[: -2 * _AROUND]) / lapse
-    steady = np.abs(change) < _STEADY
+        rate = np.abs(rotation[_AROUND:] - rotation[:-_AROUND]) / (time[_AROUND:] - time[:-_AROUND])
+        turns = (time[_AROUND:] - time[:-_AROUND]) * rotation[_AROUND:] / (2.0 * math.pi)
+        rate[turns > _GAP * _AROUND] = math.inf
+        change[_AROUND:-_AROUND] = np.maximum(rate[:-_AROUND], rate[_AROUND:])
+    steady = change < _STEADY
     if np.count_nonzero(steady) < max(_FEWEST_STEADY, _STEADY_SHARE * time.size):
         return np.zeros(time.size), np.ones(time.size, dtype=bool)
     x, y = rotation[steady] ** 2, force[steady]
     square = x.max() or 1.0
     columns = [np.ones(x.size)] + ([x / square] if np.ptp(x) > _RANGE * square else [])
     A = np.column_stack(columns)
+    found = _least_deviations(A, y)
+    if found.size > 1 and found[1] < 0.0:  # wind does not push
+        found = _least_deviations(A[:, :1], y)
+    usual = np.full(time.size, found[0])
+    if found.size > 1:
+        usual += found[1] * np.minimum(rotation**2 / square, 1.0)
+    return usual, steady
+
+
+def _least_deviations(A: np.ndarray, y: np.ndarray) -> np.ndarray:
     found = np.zeros(A.shape[1])
     weight = np.ones(y.size)
     for _ in range(20):
         found, *_ = np.linalg.lstsq(A * weight[:, None], y * weight, rcond=None)
         weight = 1.0 / np.sqrt(np.maximum(np.abs(y - A @ found), 1.0))
-    usual = np.full(time.size, found[0])
-    if found.size > 1:
-        usual += found[1] * np.minimum(rotation**2 / square, 1.0)
-    return usual, steady
+    return np.asarray(found)

@@ -21,6 +21,8 @@ _STEP = 0.02
 _ANGLES = 256
 # Shares of what is left over that a cause has to explain to be thought of, to be named; its least change, relative.
 _THOUGHT_OF, _NAMED, _LEAST = 0.3, 0.5, 0.03
+# What no cause that matters leaves so little of, as a share of the signal.
+_LITTLE = 0.003
 PRESSURE = "p0b"
 
 
@@ -74,6 +76,8 @@ class ShapeCauses:
 
 def shape_causes(known: WaveformLibrary, shape: ShapeError, load: float, speed: float, R0: float) -> ShapeCauses:
     """Return the causes that explain some of what is left over, at the median load (N), rotation (rad/s), R0 (ohm)."""
+    if shape.net < _LITTLE:
+        return ShapeCauses(())
     n, theta = known.orders, grid(_ANGLES)
     wave = np.exp(1j * np.outer(n, theta))
     loads, speeds = np.array([load]), np.array([speed])

@@ -6,11 +6,12 @@ They are common to all revolutions of a drive: averaging does not make them smal
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from pipeline.rigs.tire.ring.contact import compliance, pressed
-from pipeline.rigs.tire.ring.ring import Shape, grid
+from pipeline.rigs.tire.ring.ring import Ring, Shape, grid
 from pipeline.rigs.tire.ring.sensor import averaging, lagging, voltage_slope
 from pipeline.rigs.tire.road.library import UNKNOWNS, CalibratedTire, WaveformLibrary
 
@@ -133,17 +134,26 @@ def _place(nodes: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def waveforms(tire: CalibratedTire, loads: np.ndarray, speeds: np.ndarray, count: int) -> np.ndarray:
     """Return R2 - R0 at each load, speed and Fx (0, 0.15 Fz), ohm, shape (a, b, 2, _ANGLES)."""
     n = np.arange(count)
-    sprung, start = compliance(tire.ring), None
     seen = tire.sensor.c * averaging(n, tire.sensor.length, tire.ring.R)
+    bent = _curvatures(tire.ring, tire.kt, tire.Ro, tuple(map(float, loads)))
     found = np.empty((loads.size, speeds.size, 2, _ANGLES))
-    for i, Fz in enumerate(loads):
-        for push in (0, 1):
-            contact = pressed(sprung, tire.kt, tire.Ro, float(Fz), push * _PUSHED * float(Fz), start)
-            start = contact.active
-            for j, speed in enumerate(speeds):
-                k = contact.shape.harmonics[:count] * seen * lagging(n, float(speed), tire.sensor.lag)
-                found[i, j, push] = Shape(k).on_grid(_ANGLES)[1]
+    for i, push, j in np.ndindex(loads.size, 2, speeds.size):
+        k = bent[i, push, :count] * seen * lagging(n, float(speeds[j]), tire.sensor.lag)
+        found[i, j, push] = Shape(k).on_grid(_ANGLES)[1]
     return found
+
+
+@lru_cache(maxsize=64)
+def _curvatures(ring: Ring, kt: float, Ro: float, loads: tuple[float, ...]) -> np.ndarray:
+    """Return the harmonics of the curvature at each load (N) and Fx (0, 0.15 Fz), shape (a, 2, n): sensors share them."""
+    sprung, start = compliance(ring), None
+    found = []
+    for Fz in loads:
+        for push in (0, 1):
+            contact = pressed(sprung, kt, Ro, Fz, push * _PUSHED * Fz, start)
+            start = contact.active
+            found.append(contact.shape.harmonics)
+    return np.array(found).reshape(len(loads), 2, -1)
 
 
 def _fits(known: WaveformLibrary, load: np.ndarray, force: np.ndarray, speed: np.ndarray, R0: float) -> np.ndarray:
