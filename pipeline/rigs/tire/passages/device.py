@@ -228,10 +228,14 @@ class _Gatherer:
                 while place >= self._first + self._size:
                     yield self._piece(place)
                 at = place - self._first
+                if at < 0:  # Late, and its piece is given already.
+                    skipped = min(count, -at)
+                    place, done, count = place + skipped, done + skipped, count - skipped
+                    continue
                 now = min(count, self._size - at)
                 for channel, values in enumerate(volts):
                     self._buffer[channel, at : at + now] = values[done : done + now]
-                self._filled = at + now
+                self._filled = max(self._filled, at + now)
                 place, done, count = place + now, done + now, count - now
 
     def rest(self) -> Iterator[Piece]:

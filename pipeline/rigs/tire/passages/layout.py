@@ -12,18 +12,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, counted
 from pipeline.recording import Stream
+from pipeline.rigs.tire.passages.clock import FRAMES, bits_of, counts, frames_of, sample_rate, uneven
 
-# The log's own times are believed against the stated rate from this relative difference on.
-_RATE_DIFFERS = 2e-3
 # A number of the sample that leaves what time tells by more than so many seconds (and this share of the jump) is wrong.
 _STRAY, _STRAY_SHARE = 0.5, 0.02
 # A counter that lags behind time by so many seconds stood still meanwhile: the transmitter slept.
 _SLEEP = 0.05
-_SMALL_COUNTER = 4
-# Of a transmitter that states neither: samples in one packet, bits of its counter.
-_FRAMES, _BITS = 10, 16
+# A packet comes late by no more than so many; a counter that leaps ahead of time by so many seconds began again.
+_LATE, _LEAP = 50, 5.0
+# A counter of so many bits tells the rate.
+_COUNTS_TIME = 8
 
 
 @dataclass(frozen=True)
@@ -136,6 +136,7 @@ class _Grid:
     _longest: int = 0
     _slept: int = 0
     _strays: int = 0
+    _strayed: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     @classmethod
     def begun(
@@ -144,20 +145,25 @@ class _Grid:
         """Look at the first block: rate, packets, counter."""
         remarks: list[str] = []
         index, counter = found.get("sample_index"), found.get("packet_counter")
-        by = "sample_index" if _counts(index) else "packet_counter" if _counts(counter) else "time"
+        by = "sample_index" if counts(index) else "packet_counter" if counts(counter) else "time"
         if index is not None and by != "sample_index":
             remarks.append(f"sample_index does not count; the samples are placed by {by}")
-        rate = _rate(stream, time, index if by == "sample_index" else None, told.get("sample_rate"), remarks)
-        frames = int(told.get("frames_per_packet", _FRAMES))
+        frames = FRAMES if told.get("frames_per_packet") is None else int(told["frames_per_packet"])
         bits = 0
-        if counter is not None and _counts(counter):
-            frames = _frames(counter, told.get("frames_per_packet"), remarks)
-            bits = _bits(counter, told.get("counter_bits"), remarks)
+        if counter is not None and counts(counter):
+            frames = frames_of(counter, told.get("frames_per_packet"), remarks)
+            bits = bits_of(counter, told.get("counter_bits"), remarks)
+        number = index if by == "sample_index" else None
+        if by == "packet_counter" and counter is not None and bits >= _COUNTS_TIME and uneven(time):
+            half = 2.0 ** (bits - 1)
+            number = frames * np.cumsum(np.mod(np.diff(counter, prepend=counter[0]) + half, 2.0 * half) - half)
+        rate = sample_rate(stream, time, number, told.get("sample_rate"), remarks)
         return cls(rate, frames, bits, bool(told.get("gated", 0.0)), by, remarks)
 
     def add(self, time: np.ndarray, index: np.ndarray | None, counter: np.ndarray | None) -> None:
         """Place the next rows."""
         elapsed = np.diff(time, prepend=self._last[0]) * self.rate
+        self._strayed = np.zeros(time.size, dtype=bool)
         packets = None
         if self.by == "sample_index" and index is not None:
             jump = self._by_index(elapsed, index)
@@ -175,8 +181,8 @@ class _Grid:
             packets = packets[breaks]
         self._rows.append(breaks + self.size)
         self._places.append(place[breaks])
-        later = slice(1 if self.size == 0 else 0, None)
-        self._count_lost(jump[breaks[later]] - 1, None if packets is None else packets[later])
+        counted_on = ~self._strayed[breaks] & (breaks + self.size > 0)
+        self._count_lost(jump[breaks[counted_on]] - 1, None if packets is None else packets[counted_on])
         some = slice(None, None, max(1, time.size // 1000))
         self._offsets.append(float(np.median(time[some] - place[some] / self.rate)))
         self._last = (float(time[-1]), int(place[-1]))
@@ -184,21 +190,27 @@ class _Grid:
 
     def layout(self) -> Layout:
         """Return what was found."""
-        lost = self._lost / self.frames
-        share = self._lost / max(self._lost + self.size, 1)
+        rows, places = np.concatenate(self._rows), np.concatenate(self._places)
+        repeated = _repeated(rows, places, self.size)
+        samples = max(self._lost + repeated, 0)
+        share = samples / max(samples + self.size - repeated, 1)
         remarks = list(self.remarks)
         if self._strays:
             remarks.append(
-                f"sample_index jumps where time does not, {self._strays} times (restart or wrap of the "
+                f"{self.by} jumps where time does not, {counted(self._strays, 'time')} (restart or wrap of the "
                 "microcontroller's count): placed by time there"
             )
         return Layout(
-            np.concatenate(self._rows),
-            np.concatenate(self._places),
+            rows,
+            places,
             self.size,
             self.rate,
             float(np.median(self._offsets)),
-            Loss(math.nan if self.gated and not self._slept else share, self._longest / self.rate, round(lost)),
+            Loss(
+                math.nan if self.gated and not self._slept else share,
+                self._longest / self.rate,
+                round(samples / self.frames),
+            ),
             self.bits,
             self._slept > 0,
             self.by,
@@ -206,7 +218,10 @@ class _Grid:
         )
 
     def _by_index(self, elapsed: np.ndarray, index: np.ndarray) -> np.ndarray:
-        """Return by how many samples each row is ahead of the one before; repeated numbers are those of packets."""
+        """Return by how many samples each row is ahead of the one before; repeated numbers are those of packets.
+
+        A packet that came late, or twice, steps back and stands where its number says.
+        """
         step = np.diff(index, prepend=self._raw if self.size else index[0] - 1.0)
         self._raw = float(index[-1])
         if np.all(step == 1.0):
@@ -216,12 +231,13 @@ class _Grid:
             before = np.concatenate([[self._inside], inside[:-1]])
             self._inside = int(inside[-1])
             step = step + inside - before
-        wrong = ~np.isfinite(step) | (step < 1.0)
+        wrong = ~np.isfinite(step)
         far = np.abs(step - elapsed) > np.maximum(_STRAY * self.rate, _STRAY_SHARE * elapsed)
         if self.size == 0:
             far[0] = wrong[0] = False
         stray = wrong | far
         self._strays += int(stray.sum())
+        self._strayed = stray
         return np.where(stray, np.maximum(np.round(elapsed), 1.0), step).astype(np.int64)
 
     def _by_time(self, time: np.ndarray) -> np.ndarray:
@@ -253,11 +269,21 @@ class _Grid:
         ahead[ahead == 0.0] = modulus
         by_time = (elapsed[at] + before[at]) / self.frames
         ahead = ahead + modulus * np.maximum(0.0, np.round((by_time - ahead) / modulus))
+        # A packet that came late, or twice, steps back a little; what steps further is a count that began again.
+        back = ahead - modulus
+        late = (modulus > _LATE) & (np.abs(back) <= _LATE) & (np.abs(back - by_time) < np.abs(ahead - by_time))
+        ahead = np.where(late, back, ahead)
+        leaps = np.minimum(ahead - by_time, 0.5 * modulus + by_time - back) > _LEAP * self.rate / self.frames
+        leaps |= ~late & (back < 0.0) & (modulus > 64 * _LATE) & (ahead - by_time > 0.5 * modulus)
+        ahead = np.where(leaps, np.maximum(np.round(by_time), 1.0), ahead)
+        self._strays += int(leaps.sum())
+        self._strayed[at] = leaps
         packets[at] = ahead
         slack = 2.0 if self.gated else max(2.0, _SLEEP * self.rate / self.frames)
-        behind = by_time - ahead > slack
+        behind = (by_time - ahead > slack) & ~late
         placed = np.where(behind, np.round(by_time), ahead)
-        jump[at] = np.maximum(np.round(placed * self.frames) - before[at], 1).astype(np.int64)
+        least = np.where(late, -np.inf, 1.0)
+        jump[at] = np.maximum(np.round(placed * self.frames) - before[at], least).astype(np.int64)
         return packets, jump
 
     def _packets_across(self, counter: np.ndarray, jump: np.ndarray, breaks: np.ndarray) -> np.ndarray:
@@ -282,11 +308,6 @@ class _Grid:
         self._lost += int(np.minimum(told, gap)[slept].sum()) + int(gap[~slept].sum())
 
 
-def _counts(values: np.ndarray | None) -> bool:
-    """Tell whether a channel counts at all."""
-    return values is not None and bool(np.all(np.isfinite(values))) and values.size > 1 and float(np.ptp(values)) > 0.0
-
-
 def _since(new: np.ndarray, inside: int) -> np.ndarray:
     """Return how many rows before each the last new one stands; `inside` is that of the row before the first."""
     order = np.arange(new.size)
@@ -294,53 +315,8 @@ def _since(new: np.ndarray, inside: int) -> np.ndarray:
     return np.where(last < 0, order + inside + 1, order - last)
 
 
-def _rate(stream: Stream, time: np.ndarray, index: np.ndarray | None, told: float | None, remarks: list[str]) -> float:
-    """Return the rate of the device's samples, Hz: as told, unless the log's times say something else."""
-    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    seen = 1.0 / step if step > 0.0 else 0.0
-    if index is not None and time.size > 1:
-        forward = np.diff(index) >= 0
-        lasting = float(np.diff(time)[forward].sum())
-        seen = float(np.diff(index)[forward].sum()) / lasting if lasting > 0.0 else seen
-    if not (math.isfinite(seen) and seen > 0.0):
-        raise InputError(f"stream '{stream.name}': its times tell no sample rate. Check the column of the time.")
-    if told is not None and abs(seen / told - 1.0) < _RATE_DIFFERS:
-        return told
-    if told is not None:
-        remarks.append(
-            f"sample_rate is stated as {told:g} Hz but the log's times tell {seen:.6g} Hz: the latter is used"
-        )
-    neat = float(f"{seen:.3g}")
-    return neat if abs(seen / neat - 1.0) < 0.5 * _RATE_DIFFERS else seen
-
-
-def _frames(counter: np.ndarray, told: float | None, remarks: list[str]) -> int:
-    """Return the samples of one packet, by how often its number is repeated."""
-    edges = np.flatnonzero(np.diff(counter) != 0.0)
-    stated = int(_FRAMES if told is None else told)
-    if edges.size < 20:
-        return stated
-    length, times = np.unique(np.diff(edges), return_counts=True)
-    usual = int(length[np.argmax(times)])
-    if usual == stated or times.max() < 0.6 * times.sum():
-        return stated
-    if told is not None:
-        remarks.append(
-            f"frames_per_packet is {stated} but the log has {usual} samples under each packet_counter: {usual} is used"
-        )
-    return usual
-
-
-def _bits(counter: np.ndarray, told: float | None, remarks: list[str]) -> int:
-    """Return the bits of the counter: as told, unless it is seen to wrap earlier or to run higher."""
-    stated = int(_BITS if told is None else told)
-    highest = float(counter.max())
-    needed = max(1, math.ceil(math.log2(highest + 1.0)))
-    wraps = int(np.count_nonzero(np.diff(counter) < -0.5 * highest))
-    if needed > stated or (wraps >= 3 and needed < stated):
-        if needed > _SMALL_COUNTER and told is not None:
-            remarks.append(
-                f"packet_counter is stated to have {stated} bits but runs to {highest:g}: {needed} bits are used"
-            )
-        return needed
-    return stated
+def _repeated(rows: np.ndarray, places: np.ndarray, size: int) -> int:
+    """Return how many rows stand where the run of rows before them stands already: packets that came twice."""
+    ends = places + np.diff(rows, append=size)
+    again = (places[1:] < ends[:-1]) & (places[1:] >= places[:-1])
+    return int((np.minimum(ends[1:], ends[:-1]) - places[1:])[again].sum())
