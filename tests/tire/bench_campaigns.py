@@ -66,6 +66,11 @@ def told(recording: Recording, **conditions: Any) -> Recording:
     return replace(recording, conditions={**kept, **{n: v for n, v in conditions.items() if v is not None}})
 
 
+def without_ring(recordings: Sequence[Recording]) -> list[Recording]:
+    """Return logs whose sensor length is not known: no ring is fitted, which takes most of the time."""
+    return [told(log, sensor_length_flex=None) for log in recordings]
+
+
 def shifted(recording: Recording, seconds: float) -> Recording:
     """Return a log whose reference table is late."""
     bench = recording.streams["bench"]

@@ -1,9 +1,11 @@
 """What is wrong with bench logs is named, doubted or refused in plain words, and never a wrong number told as good (tire.md, 8)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bench_campaigns import few_logs as logs
-from bench_campaigns import identified, shifted, spoilt, told, variant, without
+from bench_campaigns import identified, shifted, spoilt, told, variant, without, without_ring
 from bench_campaigns import logs as seven_logs
 
 from pipeline.errors import InputError
@@ -35,7 +37,7 @@ LEFT_OUT = {"debond": "debonding", "swapped": "swapped", "kmh": "km/h", "kg": "l
 
 def test_runs_that_cannot_be_used_are_left_out_by_name():
     bad = {name: variant(name) for name in LEFT_OUT}
-    found = identified([*logs(), *bad.values()])
+    found = identified(without_ring([*logs(), *bad.values()]))
     used = {run.run: run.used for run in found.runs}
     reasons = {run.run: run.reason for run in found.runs}
     for name, words in LEFT_OUT.items():
@@ -97,7 +99,7 @@ def test_a_frozen_an_empty_and_a_late_reference_are_set_aside():
     first, second, third, *others = logs()
     first = spoilt(first, "vertical_load", lambda v: np.full(v.size, v[0]))
     second = spoilt(second, "road_speed", lambda v: np.full(v.size, np.nan))
-    found = identified([first, second, shifted(third, 500.0), *others])
+    found = identified(without_ring([first, second, shifted(third, 500.0), *others]))
     said = all_said(found)
     assert "a set-point or a frozen sensor" in said
     assert "road_speed is set aside: it holds no number" in said
@@ -120,7 +122,7 @@ def test_a_load_cell_that_is_not_tared_is_rejected_with_all_that_rests_on_it(tol
 
 
 def test_a_wrong_gain_of_the_load_cell_is_no_tare_and_widens_what_rests_on_loads():
-    found = identified([told(log, nominal_load=1.1 * log.conditions["nominal_load"]) for log in logs()])
+    found = identified(without_ring([told(log, nominal_load=1.1 * log.conditions["nominal_load"]) for log in logs()]))
     assert "the gain of the load cell or its unit, or nominal_load, is wrong" in all_said(found)
     assert found.verdict == "warning"
     p = found.one("calibration_1")
@@ -168,7 +170,7 @@ def test_friction_of_the_guides_is_taken_out_of_loads_up_and_down():
 
 def test_another_tire_is_left_out_and_a_wrong_size_is_not_believed():
     first, *others = logs()
-    found = identified([told(first, tire_size="205/55R16"), *others])
+    found = identified(without_ring([told(first, tire_size="205/55R16"), *others]))
     assert [run.run for run in found.runs if not run.used] == [first.run]
     true_or_null(found)
     found = identified([told(log, tire_size="205/55R16") for log in logs()])
@@ -212,9 +214,10 @@ def test_a_model_that_does_not_fit_is_rejected_and_its_parameters_are_null():
 
 
 def test_a_free_spin_is_no_fault_and_a_road_run_belongs_elsewhere():
-    spin = synthesize_bench({"runs": ["free_spin"], "duration": 10.0}, 3)
-    found = identified([*logs(), *spin])
-    assert found.verdict == "ok"
-    assert not next(run for run in found.runs if run.run == "free_spin").used
-    found = identified([told(logs()[0], bench_or_road="road"), *logs()[1:]])
+    (spin,) = synthesize_bench({"runs": ["free_spin"], "duration": 10.0}, 3)
+    road = replace(told(logs()[0], bench_or_road="road"), run="driven")
+    found = identified(without_ring([*logs(), spin, road]))
+    assert {run.run for run in found.runs if not run.used} == {"free_spin", "driven"}
     assert "it belongs to tire.road" in all_said(found)
+    assert not any("free_spin" in reason for reason in found.reasons)
+    assert [q.level for q in found.quality if q.run == "free_spin"] == ["note"]

@@ -40,12 +40,17 @@ def test_every_name_of_the_sheet_stands_with_its_unit_and_operating_point():
 
 
 @pytest.mark.parametrize("name", TRUTH)
-def test_the_truth_is_found_and_lies_within_three_standard_errors(name):
+def test_the_truth_is_found_as_closely_as_the_sheet_asks(name):
     value, share = TRUTH[name]
-    found = findings().one(name)
-    assert found.value == pytest.approx(value, rel=share)
-    assert abs(found.value - value) < 3.0 * found.std_error
-    assert found.ci95[0] < found.value < found.ci95[1]
+    assert findings().one(name).value == pytest.approx(value, rel=share)
+
+
+def test_the_intervals_hold_the_truth():
+    """Of twelve numbers one or two may lie outside of 95 %, none far outside: chance is 2 % for three, 1e-3 for one of 4 sd."""
+    rows = [(findings().one(name), value) for name, (value, _) in TRUTH.items()]
+    outside = [p.name for p, value in rows if not p.ci95[0] < value < p.ci95[1]]
+    assert len(outside) <= 2, outside
+    assert all(abs(p.value - value) < 4.0 * p.std_error for p, value in rows)
 
 
 @pytest.mark.parametrize("load", LENGTHS)

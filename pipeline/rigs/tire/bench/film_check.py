@@ -11,12 +11,15 @@ from pipeline.rigs.tire.bench.pvdf_fit import FilmFit, FilmRun, fit_film, quiet_
 from pipeline.rigs.tire.bench.ring_run import noise_error
 
 _FEWEST_LEFT = 3
+# The film's voltage grows with the speed: a run whose rotation scatters by more (relative) has no one law.
+_UNSTEADY = 0.05
 
 
 def check_film(found: Campaign) -> None:
     """Fit the PVDF's rate model on all runs whose flex sensor is sound."""
     tire = found.tire
     unsound = {one.run for one in found.odd if one.cause == "film"} | set(found.doubted) | found.misfit
+    unsound |= {run.name for run in found.runs if run.waveform.speed_scatter > _UNSTEADY}
     runs = [
         FilmRun(
             run.name,
@@ -30,7 +33,8 @@ def check_film(found: Campaign) -> None:
         if (wave := run.waveform).film is not None and wave.film_se is not None and run.name not in unsound
     ]
     if not runs:
-        found.no_film = "no run has a PVDF signal that can be used"
+        why = next(iter(found.doubted.values()), "")
+        found.no_film = "no run has a PVDF signal that can be used" + (f" beside its flex sensor: {why}" if why else "")
         return
     if tire.film_length is None or tire.sensor_length is None:
         found.no_film = "the lengths of both sensors are needed: state sensor_length_flex and sensor_length_pvdf"

@@ -33,13 +33,13 @@ def _passages(findings: Findings) -> str:
         "sensor and timed by least squares against the running mean of aligned passages and its derivative, over valid samples only. Phase "
         "between passages is a monotone cubic (order tracking, Fyfe and Munck 1997); each revolution was sorted into angle bins and the "
         "revolutions averaged with their baselines removed (synchronous average, Braun 2011), outliers rejected. Standard errors come from "
-        f"the scatter of the revolutions. Peak, dips and lengths were read off the mean cut at the sensor's highest useful order.{told}"
+        f"the scatter of the revolutions. Peak, dips and lengths were read off the mean, orders beyond those that the sensor feels faded out.{told}"
     )
 
 
 def _references() -> str:
     return (
-        "Load and speed of a run are means of the bench's channels over the same revolutions. The effective rolling radius is the slope of the "
+        "Load (and hub height) of a run is the mean of the bench's channel about its passages, speed that over the same revolutions. The effective rolling radius is the slope of the "
         "line through the origin of surface speed over mean rotation, V = Re Ω, weighted by the noise of the means; an intercept was tested for "
         "and not kept. Re was taken as the belt's radius R, as an inextensible belt without slip rolls on it."
     )
@@ -50,7 +50,8 @@ def _calibration(findings: Findings) -> str:
     return (
         f"The peak of the averaged R2 over its mean was regressed on load as a quadratic ({counted(n, 'run')}), and inverted with the classical "
         "calibration interval (Fieller 1954): load was never regressed on peak. The lack of fit was tested where loads repeat. The sensitivity in volts is the "
-        "slope at mid-range through eq. (4)."
+        "slope at mid-range through eq. (4). Runs were held against each other before: flex over PVDF at one speed, peak over load; the one without "
+        "which the others agree best was left out where it departs from their law by more than 3 % and four standard errors."
     )
 
 

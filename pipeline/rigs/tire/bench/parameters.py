@@ -248,6 +248,9 @@ def _film(found: Campaign) -> list[Estimate]:
         return [undetermined(name, found.no_film) for name in FILM]
     why = lawless(found)
     rows = [undetermined(name, why) if why else found.film.estimates[name] for name in FILM]
+    if 2 * len(found.mirrored) > len(found.runs):
+        backward = "its sign turns with the sense of rotation, which looks reversed"
+        rows = [undetermined(e.name, backward) if e.name == "pvdf_offset_angle" else e for e in rows]
     rows += [Estimate("pvdf_nrmse", run.nrmse, at={"run": run.run}) for run in found.film.runs]
     return rows + [undetermined("pvdf_nrmse", why, {"run": run}) for run, why in found.film.left_out.items()]
 

@@ -86,7 +86,13 @@ def _direction(name: str) -> int:
 def withdraw_doubtful(found: Campaign) -> None:
     """Take the curve back where loads or resistances that it rests on are not believed."""
     known = found.calibration
-    why = found.untared or found.circuit_doubt or _off_zero(found)
+    none_believed = all(run.name in found.doubted for run in found.runs)
+    why = (
+        found.untared
+        or found.circuit_doubt
+        or _off_zero(found)
+        or (next(iter(found.doubted.values())) if none_believed else "")
+    )
     if known is None or not why:
         return
     none = {name: undetermined(name, why) for name in known.estimates}

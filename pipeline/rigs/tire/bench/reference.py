@@ -91,8 +91,9 @@ def reference_of(recording: Recording, begin: np.ndarray, end: np.ndarray, log: 
             )
             findings.append(QualityFinding("warning", text, recording.run, name, frozen))
         means[name] = _mean(values[inside], kept, seen if name != SPEED and seen.sum() >= _FEWEST else kept)
-        findings += _drifting(recording.run, name, time[inside], values[inside])
-        if name == SPEED:
+        drift = _drifting(recording.run, name, time[inside], values[inside])
+        findings += drift
+        if name == SPEED and not drift:
             findings += _elsewhere(recording.run, time, values, inside, means[name].value, log)
     return Reference(means, why, tuple(findings))
 

@@ -172,7 +172,7 @@ def _rolls(findings: Findings) -> str:
     said = "An inextensible belt without slip rolls on its own radius R and not on the free radius; R of the ring fit is this Re."
     if np.isfinite(fit["intercept"]):
         said += (
-            f" A free intercept would be {1e3 * fit['intercept']:+.2f} ± {1.96e3 * fit['intercept_sd']:.2g} mm/s (p = {fit['intercept_p']:.2g} that "
-            "it is none)."
+            f" A free intercept would be {1e3 * fit['intercept']:+.2f} ± {1.96e3 * fit['intercept_sd']:.2g} mm/s (95 %; test against none: "
+            f"p = {fit['intercept_p']:.2g})."
         )
     return said
