@@ -1,17 +1,22 @@
 """What is wrong with a log is named, and nothing that is not (tire.md, section 8)."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.recording import Recording
 from pipeline.rigs.tire.passages.device import device_of
 from pipeline.rigs.tire.passages.passage_faults import course_of, passage_findings
 from pipeline.rigs.tire.passages.revolutions import joined, revolutions_of
 from pipeline.rigs.tire.passages.waveform import averaged
+from pipeline.rigs.tire.synthetic import rig
+from pipeline.rigs.tire.synthetic.motion import Motion
 from pipeline.rigs.tire.synthetic.rig import synthesize_bench
 from pipeline.rigs.tire.synthetic.runs import VARIANTS
+from pipeline.rigs.tire.synthetic.truth import road_truth
 
 SAID = {
     "debond": ("error", "flex sensor amplitude fell by 45% at t = 1"),
@@ -29,6 +34,17 @@ SAID = {
     "mains": ("warning", "mains hum of 29"),
     "speed": ("warning", "speed not constant"),
 }
+
+
+def driven(corners, seed=1, **truth):
+    """Return the log of a drive with the given corners of the speed, which may be 0, and its motion."""
+    known = road_truth({"pulses": (), "duration": float(corners[-1][0]), **truth})
+    time = np.arange(int(known.duration * known.rate)) / known.rate
+    speed = np.interp(time, *np.transpose(corners))
+    angle = 1.0 + np.cumsum(speed) / known.rate / known.R
+    motion = Motion(time, speed, angle, np.full(time.size, 3500.0), np.zeros(time.size))
+    device = rig._device(known, motion, np.random.default_rng(seed))
+    return Recording("drive", {"device": device}, rig._conditions(known, {"bench_or_road": "road"})), motion
 
 
 @cache
@@ -117,11 +133,23 @@ def test_a_gain_that_drifts_while_the_film_does_not_is_named():
     assert "amplitude drifts by -19%" in findings[0].message or "amplitude drifts by -18%" in findings[0].message
 
 
-def test_spikes_of_single_samples_do_not_break_the_chain():
+def test_a_speed_that_halves_within_a_run_is_followed_and_named():
+    recording, _ = driven([(0, 2.8), (8, 2.8), (8.4, 1.4), (16, 1.4)])
+    bench = replace(recording, conditions={**recording.conditions, "bench_or_road": "bench"})
+    device = device_of(bench)
+    found = joined(revolutions_of(device))
+    assert found.speed[-1] == pytest.approx(1.4 / 0.3171, rel=5e-3)
+    loud = [f.message for f in passage_findings(device, found, None) if f.level != "note"]
+    assert len(loud) == 1
+    assert "speed not constant" in loud[0]
+
+
+@pytest.mark.parametrize("height", [4095.0, 300.0])
+def test_spikes_of_single_samples_do_not_break_the_chain(height):
     (recording,) = synthesize_bench({"runs": ["load_2000"], "duration": 10.0}, 1)
     codes = recording.values("flex_code")
     at = np.random.default_rng(1).integers(10, codes.size - 10, 40)
-    codes[at] = 4095.0
+    codes[at] = np.clip(codes[at] + height, 0.0, 4095.0)
     device = device_of(recording)
     found = joined(revolutions_of(device))
     assert len(found) == 12

@@ -68,6 +68,46 @@ def test_a_sample_index_that_wraps_or_restarts_is_placed_by_time_and_told():
     assert any("restart or wrap" in finding.message for finding in found.quality)
 
 
+def by_rows(recording, rows, *left_out):
+    """The same log with its rows as they came in; their times are those of arrival."""
+    device = recording.streams["device"]
+    kept = {n: replace(c, values=np.asarray(c.values)[rows]) for n, c in device.channels.items() if n not in left_out}
+    time = np.maximum.accumulate(device.time[rows]) + 1e-9 * np.arange(rows.size)
+    return replace(recording, streams={"device": Stream("device", time, kept)})
+
+
+@pytest.mark.parametrize("left_out", [(), ("sample_index",)])
+def test_packets_that_come_late_or_twice_stand_where_they_belong(left_out):
+    recording = run_of()
+    index = recording.values("sample_index").astype(int)
+    packets = np.arange(index.size // 10 * 10).reshape(-1, 10)
+    order = np.arange(len(packets))
+    order[40:-40:50], order[41:-40:50] = order[41:-40:50].copy(), order[40:-40:50].copy()
+    for rows in (packets[order], np.repeat(packets, 1 + (order % 30 == 0), axis=0)):
+        device = device_of(by_rows(recording, rows.ravel(), *left_out))
+        assert device.layout.rate == 12e3
+        assert np.array_equal(places(device), index[: packets.size] - index[0])
+        missing = index[packets.size - 1] - index[0] + 1 - packets.size
+        assert device.loss.packets == pytest.approx(missing / 10, abs=0.5)
+
+
+@pytest.mark.parametrize("left_out", [(), ("sample_index",), ("packet_counter",)])
+def test_counters_that_begin_again_are_placed_by_time_and_told(left_out):
+    recording = run_of()
+    device = recording.streams["device"]
+    index = recording.values("sample_index")
+    half = index.size // 20 * 10
+    channels = {
+        name: replace(c, values=np.where(np.arange(index.size) < half, c.values, c.values - c.values[half]))
+        for name, c in device.channels.items()
+        if name in ("sample_index", "packet_counter")
+    }
+    kept = {n: c for n, c in {**device.channels, **channels}.items() if n not in left_out}
+    found = device_of(replace(recording, streams={"device": Stream("device", device.time, kept)}))
+    assert np.array_equal(places(found), index.astype(int) - int(index[0]))
+    assert any("jumps where time does not, 1 time" in finding.message for finding in found.quality)
+
+
 def test_a_radio_id_of_two_bits_is_told_not_to_count():
     recording = run_of(counter_bits=2, told={"counter_bits": None})
     (finding,) = device_of(recording).quality
