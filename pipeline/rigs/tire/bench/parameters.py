@@ -38,6 +38,7 @@ _NEVER_NEGATIVE = {
     "loss_factor": "the sense of rotation is reversed, or the wheel is driven",
     "sensor_lag": "the log runs backward, or the runs do not tell lag and loss apart",
 }
+_TIMES = ("sensor_lag", "pvdf_time_constant")
 FILM = ("pvdf_gain", "pvdf_time_constant", "pvdf_offset_angle")
 
 
@@ -117,6 +118,7 @@ def _ring(found: Campaign) -> list[Estimate]:
     for name, why in _NEVER_NEGATIVE.items():
         if (known := by[name]).ci95 is not None and known.ci95[1] < 0.0:
             by[name] = undetermined(name, f"it comes out negative, which cannot be: {why}")
+    by["sensor_lag"] = _timed(found, by["sensor_lag"])
     words = "type A"
     shared = [
         f"{_SOURCES.get(i.source, i.source)} {100 * i.relative:.2g} %"
@@ -128,6 +130,14 @@ def _ring(found: Campaign) -> list[Estimate]:
     return [
         replace(e, reason="; ".join(filter(None, (e.reason, words)))) if e.value is not None else e for e in by.values()
     ]
+
+
+def _timed(found: Campaign, e: Estimate) -> Estimate:
+    """Widen a time by the doubt of the transmitter's clock, where rolling radius and tire size contradict each other."""
+    if not found.size_doubted or e.value is None or e.std_error is None or e.name not in _TIMES:
+        return e
+    error = math.hypot(e.std_error, found.radius_u * e.value)
+    return estimate(e.name, e.value, error, at=e.at, reason="widened by the doubt of the clock")
 
 
 def _contact(found: Campaign) -> list[Estimate]:
@@ -247,7 +257,7 @@ def _film(found: Campaign) -> list[Estimate]:
     if found.film is None:
         return [undetermined(name, found.no_film) for name in FILM]
     why = lawless(found)
-    rows = [undetermined(name, why) if why else found.film.estimates[name] for name in FILM]
+    rows = [undetermined(name, why) if why else _timed(found, found.film.estimates[name]) for name in FILM]
     if 2 * len(found.mirrored) > len(found.runs):
         backward = "its sign turns with the sense of rotation, which looks reversed"
         rows = [undetermined(e.name, backward) if e.name == "pvdf_offset_angle" else e for e in rows]

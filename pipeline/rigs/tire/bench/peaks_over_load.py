@@ -18,6 +18,10 @@ from pipeline.rigs.tire.bench.campaign import Campaign
 from pipeline.rigs.tire.bench.reference import LOAD
 from pipeline.rigs.tire.bench.same_tire import at_usual_pressure
 
+# Names of runs that tell the way of loading: load_2000_down; u2000 beside d2000.
+_DOWN = re.compile(r"(?<![a-z])(down|unload\w*|ab|release)(?![a-z])")
+_UP_SHORT, _DOWN_SHORT = re.compile(r"(?<![a-z])u_?\d"), re.compile(r"(?<![a-z])d_?\d")
+
 
 def nominal_loads(runs: Sequence[BenchRun]) -> list[QualityFinding]:
     """Tell of runs whose load is the one that was set."""
@@ -42,7 +46,7 @@ def nominal_loads(runs: Sequence[BenchRun]) -> list[QualityFinding]:
 def calibrate_peaks(found: Campaign) -> None:
     """Regress the peaks of the runs at the usual pressure; those at another speed are left out there."""
     points = []
-    ways = [_direction(run.name) for run in found.runs]
+    ways = _directions([run.name for run in found.runs])
     for run, way in zip(found.runs, ways, strict=True):
         if run.name in found.uncalibrated:
             continue
@@ -78,9 +82,10 @@ def calibrate_peaks(found: Campaign) -> None:
         found.friction = {run.name: way * friction.value for run, way in zip(found.runs, ways, strict=True)}
 
 
-def _direction(name: str) -> int:
-    """Return -1 for a run whose name says that its load was reached from above, else +1."""
-    return -1 if re.search(r"(?<![a-z])(down|unload\w*|ab|release)(?![a-z])", name.lower()) else 1
+def _directions(names: Sequence[str]) -> list[int]:
+    """Return -1 for the runs whose names say that their load was reached from above, else +1."""
+    short = any(_UP_SHORT.search(name.lower()) for name in names)
+    return [-1 if _DOWN.search(name.lower()) or (short and _DOWN_SHORT.search(name.lower())) else 1 for name in names]
 
 
 def withdraw_doubtful(found: Campaign) -> None:
