@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 import numpy as np
 
 from pipeline.errors import counted
 from pipeline.recording import QualityFinding
-from pipeline.recording.recording import Level
-from pipeline.rigs.tire.passages.bonding import Step, step_of
 from pipeline.rigs.tire.passages.device import Device
 from pipeline.rigs.tire.passages.revolutions import Revolutions, joined
+from pipeline.rigs.tire.passages.run_findings import RunFindings
+from pipeline.rigs.tire.passages.steadiness import judge_steadiness
 from pipeline.rigs.tire.passages.waveform import Waveform
 
 Course = Revolutions
@@ -22,14 +22,11 @@ Course = Revolutions
 _GATED_SHARE, _GATED_PATCH = 0.75, 0.25
 _SKEWED, _EVEN = 2.0, 1.2
 FIRST_HARMONIC = 0.02
-_DRIFT, _SCATTER, _GAIN_DRIFT = 0.01, 0.02, 0.04
 _FEWEST = 6
 _DEAD = 5.0
 # A stop shorter than the wheel would have needed for this angle (rad) is none.
 _SHORT_STOP = 25.0
 _HUM = 1.0
-# Amplitude and level that change as a falling supply would let them do, within this share of the change.
-_LIKE_SAG = 0.4
 
 
 def course_of(blocks: Iterable[Revolutions]) -> Course:
@@ -57,7 +54,7 @@ def passage_findings(device: Device, course: Course, waveform: Waveform | None) 
     waveform
         Their average, None where there is none.
     """
-    found = _Findings(device.run)
+    found = RunFindings(device.run)
     gated = is_gated(device, course)
     packets = [f for f in device.quality if not (gated and "packets lost" in f.message)]
     if gated:
@@ -70,7 +67,7 @@ def passage_findings(device: Device, course: Course, waveform: Waveform | None) 
     if not _exchanged(found, device, course, gated):
         _signals(found, device, course, gated)
         if not device.on_road:
-            _steady(found, device, course)
+            judge_steadiness(found, device, course)
     if all(finding.level != "error" for finding in found):
         _outlying(found, waveform)
     return (*packets, *found)
@@ -86,21 +83,7 @@ _GATED_WITHOUT = (
 )
 
 
-class _Findings:
-    """Findings of one run."""
-
-    def __init__(self, run: str) -> None:
-        self._run = run
-        self._all: list[QualityFinding] = []
-
-    def add(self, level: Level, message: str, channel: str, span: tuple[float, float] | None = None) -> None:
-        self._all.append(QualityFinding(level, message, self._run, channel, span))
-
-    def __iter__(self) -> Iterator[QualityFinding]:
-        return iter(self._all)
-
-
-def _outlying(found: _Findings, waveform: Waveform | None) -> None:
+def _outlying(found: RunFindings, waveform: Waveform | None) -> None:
     """Say how many revolutions the average left out."""
     if waveform is not None and waveform.rejected:
         total = waveform.rejected + waveform.revolutions
@@ -111,7 +94,7 @@ def _outlying(found: _Findings, waveform: Waveform | None) -> None:
         )
 
 
-def _broken(found: _Findings, device: Device, course: Course) -> None:
+def _broken(found: RunFindings, device: Device, course: Course) -> None:
     for begin, end in course.open:
         to_end = end > device.span[1] - 1.0
         found.add(
@@ -123,7 +106,7 @@ def _broken(found: _Findings, device: Device, course: Course) -> None:
         )
 
 
-def _nothing(found: _Findings, device: Device, course: Course) -> None:
+def _nothing(found: RunFindings, device: Device, course: Course) -> None:
     """Say why there is no revolution."""
     if course.open:
         return
@@ -140,7 +123,7 @@ def _nothing(found: _Findings, device: Device, course: Course) -> None:
     )
 
 
-def _order(found: _Findings, device: Device, course: Course) -> None:
+def _order(found: RunFindings, device: Device, course: Course) -> None:
     """Say which passages are missing, doubled, or not told apart from standing."""
     repaired = np.flatnonzero(course.repaired)
     if repaired.size:
@@ -191,7 +174,7 @@ def _within(begin: float, end: float, spans: tuple[tuple[float, float], ...]) ->
     return any(min(end, b) - max(begin, a) > 0.5 * (end - begin) for a, b in spans)
 
 
-def _exchanged(found: _Findings, device: Device, course: Course, gated: bool) -> bool:
+def _exchanged(found: RunFindings, device: Device, course: Course, gated: bool) -> bool:
     """Say whether the channels look swapped, or one is dead."""
     skewness = float(np.median(course.skewness))
     film = float(np.median(course.film_skewness)) if device.has_film else math.nan
@@ -210,7 +193,7 @@ def _exchanged(found: _Findings, device: Device, course: Course, gated: bool) ->
     return False
 
 
-def _signals(found: _Findings, device: Device, course: Course, gated: bool) -> None:
+def _signals(found: RunFindings, device: Device, course: Course, gated: bool) -> None:
     """Say what is wrong with polarity, range, film, harmonics and hum."""
     if course.polarity < 0 or course.upper_leg:
         told = "" if device.polarity is None else f" (told: {device.polarity:+d})"
@@ -259,7 +242,7 @@ _UPPER_LEG = (
 )
 
 
-def _film(found: _Findings, device: Device, course: Course) -> None:
+def _film(found: RunFindings, device: Device, course: Course) -> None:
     if not device.has_film:
         found.add(
             "note",
@@ -278,94 +261,3 @@ def _film(found: _Findings, device: Device, course: Course) -> None:
         )
     elif course.film_amplitude is not None and not np.any(course.film_amplitude > _DEAD * device.step):
         found.add("warning", "the PVDF film shows no passages: broken or not connected.", "pvdf_voltage")
-
-
-def _steady(found: _Findings, device: Device, course: Course) -> None:
-    """Say what changes along a run that should not: speed, level, height."""
-    good = course.whole & np.isfinite(course.level)
-    if good.sum() < _FEWEST:
-        return
-    scatter = float(course.speed.std() / course.speed.mean())
-    if scatter > _SCATTER:
-        found.add(
-            "warning",
-            f"speed not constant: it scatters by {scatter:.1%} (limit 2 %): use order tracking result only.",
-            "flex_voltage",
-        )
-    step = step_of(course, has_film=device.has_film)
-    if step is not None:
-        _stepped(found, device, step)
-        return
-    _drifting(found, device, course, good)
-
-
-def _stepped(found: _Findings, device: Device, step: Step) -> None:
-    change = f"fell by {-step.flex:.0%}" if step.flex < 0.0 else f"rose by {step.flex:.0%}"
-    film = "" if step.film is None else f" while PVDF changed by {step.film:+.0%}"
-    why = "debonding or broken ink" if step.flex < 0.0 else "the bond or the gain changed"
-    if step.film is None:
-        why = "debonding or a change of load: no film tells which"
-    found.add(
-        "error",
-        f"flex sensor amplitude {change} at t = {step.time:.1f} s{film} ({step.sds:.0f} sd): {why}. Use the run up to there only.",
-        "flex_voltage",
-        (step.time, device.span[1]),
-    )
-
-
-def _drifting(found: _Findings, device: Device, course: Course, good: np.ndarray) -> None:
-    """Say whether R0 drifts or the supply sags: the latter moves level and height together."""
-    t = course.times[good]
-    u = (t - t.mean()) / max(float(np.ptp(t)), 1e-9)
-
-    def trend(values: np.ndarray) -> tuple[float, float]:
-        slope, middle = np.polyfit(u, values, 1)
-        return float(slope), float(middle)
-
-    drift, level = trend(course.level[good])
-    growth, height = trend(course.amplitude[good])
-    VIN, R1 = device.supply_voltage, device.divider_resistance
-    first, last = level - 0.5 * drift, level + 0.5 * drift
-    volts = [VIN * r / (R1 + r) for r in (first, last, first + height)]
-    sag = volts[1] / volts[0]
-    then = sag * volts[2]
-    expected = (R1 * then / (VIN - then) - last - height) if then < VIN else math.inf
-    sags = abs(drift) > _DRIFT * level and abs(growth) > 0.01 * height
-    if sags and abs(growth - expected) < _LIKE_SAG * abs(expected):
-        found.add(
-            "warning",
-            f"ratiometric reference missing: level and amplitude move together as if the supply had changed by {sag - 1.0:+.1%} "
-            "over the run (supply sag). Measure battery_voltage, or give the converter the supply as its reference.",
-            "flex_voltage",
-        )
-        return
-    _gain_drift(found, device, course, good, u)
-    if abs(drift) < _DRIFT * level:
-        return
-    found.add(
-        "warning",
-        f"R0 drifts by {drift / level:+.1%} over the run (temperature, self-heating): R0 drift removed; gain drift cannot be.",
-        "flex_voltage",
-    )
-
-
-def _gain_drift(found: _Findings, device: Device, course: Course, good: np.ndarray, u: np.ndarray) -> None:
-    """Say whether the flex sensor's amplitude drifts against the film's; `u` is time over the run's length."""
-    if not device.has_film or course.film_amplitude is None:
-        return
-    film = course.film_amplitude[good]
-    if not np.all(np.isfinite(film) & (film > _DEAD * device.step)):
-        return
-    ratio = course.amplitude[good] / film
-    speed = course.speed[good] / course.speed[good].mean() - 1.0
-    if np.ptp(speed) > _SCATTER and abs(np.corrcoef(u, speed)[0, 1]) > 0.7:
-        return  # The film grows with the speed: one cannot be told from the other.
-    columns = np.column_stack([np.ones(u.size), u, speed])
-    change = float(np.linalg.lstsq(columns, ratio, rcond=None)[0][1] / ratio.mean())
-    if abs(change) > _GAIN_DRIFT:
-        found.add(
-            "warning",
-            f"flex sensor amplitude drifts by {change:+.0%} over the run against PVDF: its gain drifts (temperature), or its bond "
-            "creeps. What is averaged over the run is doubtful.",
-            "flex_voltage",
-        )
