@@ -64,11 +64,16 @@ def event_of(
     top = begin + int(np.argmax(np.abs(values[begin : end + 1])))
     height = np.maximum(np.sign(values[top]) * values[a : b + 1], 0.0)
     spans, lost = _spans(time[a : b + 1], turn[a : b + 1], joins[a:b])
-    weight, moment = height * spans, time[a : b + 1]
+    unseen = [0.0, 0.0]
     if kind == LONGITUDINAL:
         unseen = [_to_standstill(time, turn, begin, end, place, ends) for place in (begin, end)]
-        weight = np.append(weight, [abs(values[place]) * abs(w) for place, w in zip((begin, end), unseen, strict=True)])
-        moment = np.append(moment, [time[place] + 0.5 * w for place, w in zip((begin, end), unseen, strict=True)])
+    for place, length in zip((begin, end), unseen, strict=True):
+        if length:
+            # The way to the standstill takes the place of what half a turn stands for.
+            spans[place - a] = 0.5 * abs(float(time[place] - time[place - int(np.sign(length))]))
+    # Two more points: what is not seen on either side.
+    weight = np.append(height * spans, [abs(values[p] * w) for p, w in zip((begin, end), unseen, strict=True)])
+    moment = np.append(time[a : b + 1], [time[p] + 0.5 * w for p, w in zip((begin, end), unseen, strict=True)])
     centre = float((weight * moment).sum() / weight.sum())
     lever = spans * (time[a : b + 1] - centre) / weight.sum()
     noise = float(np.sqrt(((lever * sd[a : b + 1]) ** 2).sum()))
@@ -118,11 +123,13 @@ def _to_standstill(
 def _spans(time: np.ndarray, turn: np.ndarray, joins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the time (s) that each revolution stands for, shape (m,), and what is lost between them, shape (m-1,).
 
-    A gap within is shared by those beside it; at the first and the last it counts for a few turns: beyond it the wheel
-    may have stood.
+    A gap within is shared by those beside it. Beyond the first and the last it is one turn that counts, and a few that are
+    not known: there the wheel may have stood.
     """
     apart = np.diff(time)
-    apart[[0, -1]] = np.minimum(apart[[0, -1]], _OUTER * turn[[1, -2]])
+    lost = np.where(joins, 0.0, apart)
+    lost[[0, -1]] = np.minimum(lost[[0, -1]], _OUTER * turn[[1, -2]])
+    apart[[0, -1]] = np.minimum(apart[[0, -1]], turn[[1, -2]])
     spans = np.convolve(apart, [0.5, 0.5], mode="full")
     spans[[0, -1]] = np.minimum(spans[[0, -1]], turn[[0, -1]])
-    return spans, np.where(joins, 0.0, apart)
+    return spans, lost

@@ -29,19 +29,18 @@ def rolling_force(time: np.ndarray, rotation: np.ndarray, force: np.ndarray) -> 
         return np.zeros(time.size), np.ones(time.size, dtype=bool)
     x, y = rotation[steady] ** 2, force[steady]
     square = x.max() or 1.0
-    columns = [np.ones(x.size)] + ([x / square] if np.ptp(x) > _RANGE * square else [])
-    A = np.column_stack(columns)
+    A = np.column_stack([x / square, np.ones(x.size)])
+    if np.ptp(x) < _RANGE * square:
+        # One speed does not tell wind from rolling resistance: at a standstill neither is left of a force that drives.
+        A = A[:, :1]
     found = _least_deviations(A, y)
-    if found.size > 1 and found[1] < 0.0:  # wind does not push
-        found = _least_deviations(A[:, :1], y)
-    usual = np.full(time.size, found[0])
-    if found.size > 1:
-        usual += found[1] * np.minimum(rotation**2 / square, 1.0)
-    return usual, steady
+    if found.size > 1 and found[0] < 0.0:  # wind does not push
+        found = np.array([0.0, *_least_deviations(A[:, 1:], y)])
+    return sum(found[1:]) + found[0] * np.minimum(rotation**2 / square, 1.0), steady
 
 
 def _least_deviations(A: np.ndarray, y: np.ndarray) -> np.ndarray:
-    found = np.zeros(A.shape[1])
+    found: np.ndarray = np.zeros(A.shape[1])
     weight = np.ones(y.size)
     for _ in range(20):
         found, *_ = np.linalg.lstsq(A * weight[:, None], y * weight, rcond=None)
