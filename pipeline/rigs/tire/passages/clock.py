@@ -13,7 +13,7 @@ from pipeline.recording import Stream
 _RATE_DIFFERS = 2e-3
 # Steps of time within this share of the usual are even; where they are not, so much may be missing of the stated rate.
 _EVEN, _MOST_MISSING = 0.3, 2.0
-_SMALL_COUNTER = 4
+SMALL_COUNTER = 4
 # A number that falls by so much began again; the rate is not told across so many seconds.
 _BEGUN_AGAIN, _SILENCE = 1000.0, 0.1
 # Of a transmitter that states neither: samples in one packet, bits of its counter.
@@ -111,7 +111,7 @@ def bits_of(counter: np.ndarray, told: float | None, remarks: list[str]) -> int:
     needed = max(1, math.ceil(math.log2(highest + 1.0)))
     wraps = int(np.count_nonzero(np.diff(counter) < -0.5 * highest))
     if needed > stated or (wraps >= 3 and needed < stated):
-        if needed > _SMALL_COUNTER and told is not None:
+        if needed > SMALL_COUNTER and told is not None:
             remarks.append(
                 f"packet_counter is stated to have {stated} bits but runs to {highest:g}: {needed} bits are used"
             )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, counted
 from pipeline.recording import QualityFinding, Recording, Stream
 from pipeline.rigs.tire.conditions import CONVERTER, DIVIDER, assumed
 from pipeline.rigs.tire.passages.layout import Layout, Loss, layout_of
@@ -17,6 +17,8 @@ from pipeline.rigs.tire.passages.layout import Layout, Loss, layout_of
 _SILENCE = 10.0
 # So many equal codes at an end of the scale are clipped.
 _CLIPPED = 3
+# So many samples in a row at the highest or lowest volts of all are flat, where the scale of the converter is not stated.
+_FLAT = 20
 # So near to 0 V or to the supply the divider has lost its sensor.
 _OPEN = 0.005
 _TOLD = ("sample_rate", "frames_per_packet", "counter_bits", "gated")
@@ -62,6 +64,8 @@ class Device:
         Samples per second; first and last moment, s, on the stream's own time.
     supply_voltage, divider_resistance, adc_full_scale
         VIN, V; R1, ohm; the voltage of the converter's highest code + 1.
+    scale_known
+        Whether the converter's scale is stated or the log holds codes; volts alone do not tell it.
     polarity
         +1 or -1 as told, None where not told.
     on_road
@@ -80,6 +84,7 @@ class Device:
     supply_voltage: float
     divider_resistance: float
     adc_full_scale: float
+    scale_known: bool
     adc_bits: int
     polarity: int | None
     gated: bool
@@ -142,6 +147,7 @@ def device_of(recording: Recording) -> Device:
         supply_voltage=recording.condition("supply_voltage", DIVIDER["supply_voltage"]),
         divider_resistance=recording.condition("divider_resistance", DIVIDER["divider_resistance"]),
         adc_full_scale=recording.condition("adc_reference", CONVERTER["adc_reference"]),
+        scale_known=name == "flex_code" or "adc_reference" in recording.conditions,
         adc_bits=int(recording.condition("adc_bits", CONVERTER["adc_bits"])),
         polarity=None if polarity is None else (-1 if float(polarity) < 0.0 else 1),
         gated=bool(told.get("gated", 0.0)),
@@ -164,7 +170,17 @@ def _findings(run: str, layout: Layout) -> tuple[QualityFinding, ...]:
     """Say what the counters tell."""
     found = [QualityFinding("warning", f"{remark}.", run, layout.by) for remark in layout.remarks]
     loss = layout.loss
-    if 0 < layout.counter_bits <= 4:
+    if layout.untimed:
+        found.append(
+            QualityFinding(
+                "error",
+                f"radio packet id of {layout.counter_bits} bits cannot count losses, and the log's time does not know of them "
+                "either: speeds and moments cannot be told. Log sample_index, a longer counter or the time of arrival.",
+                run,
+                "packet_counter",
+            )
+        )
+    elif 0 < layout.counter_bits <= 4:
         use = "; sample_index places the samples instead" if layout.by == "sample_index" else ""
         found.append(
             QualityFinding(
@@ -183,6 +199,10 @@ def _findings(run: str, layout: Layout) -> tuple[QualityFinding, ...]:
                 run,
                 "time",
             )
+        )
+    if layout.repeated:
+        found.append(
+            QualityFinding("note", f"{counted(layout.repeated, 'sample')} came twice: taken once.", run, layout.by)
         )
     if math.isfinite(loss.share) and loss.share > 0.05:
         found.append(
@@ -247,7 +267,10 @@ class _Gatherer:
         gap = following - self._first - self._filled
         length = self._filled if gap > self._silence else min(self._filled + gap, self._size)
         values, device = self._buffer[:, :length], self._device
-        ends = [(0.5 * device.step, device.adc_full_scale - 1.5 * device.step)] * self._channels
+        if device.scale_known:
+            ends = [(0.5 * device.step, device.adc_full_scale - 1.5 * device.step)] * self._channels
+        else:
+            ends = [_flat_ends(row) for row in values]
         ends[0] = (
             max(ends[0][0], _OPEN * device.supply_voltage),
             min(ends[0][1], (1.0 - _OPEN) * device.supply_voltage),
@@ -269,6 +292,25 @@ class _Gatherer:
         self._first += length
         self._filled = 0
         return piece
+
+
+def _flat_ends(volts: np.ndarray) -> tuple[float, float]:
+    """Return below and above which volts are at an end of a scale that nobody stated: where they stay at their extreme."""
+    least, most = -math.inf, math.inf
+    valid = volts[np.isfinite(volts)]
+    if valid.size:
+        low, high = float(valid.min()), float(valid.max())
+        slack = 1e-6 * max(high - low, 1e-3)
+        if _longest(valid <= low + slack) >= _FLAT:
+            least = low + 2.0 * slack
+        if _longest(valid >= high - slack) >= _FLAT:
+            most = high - 2.0 * slack
+    return least, most
+
+
+def _longest(mask: np.ndarray) -> int:
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def _clipped(volts: np.ndarray, least: float, most: float) -> np.ndarray | None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.errors import InputError, counted
 from pipeline.recording import Stream
-from pipeline.rigs.tire.passages.clock import FRAMES, bits_of, counts, frames_of, sample_rate, uneven
+from pipeline.rigs.tire.passages.clock import FRAMES, SMALL_COUNTER, bits_of, counts, frames_of, sample_rate, uneven
 
 # A number of the sample that leaves what time tells by more than so many seconds (and this share of the jump) is wrong.
 _STRAY, _STRAY_SHARE = 0.5, 0.02
@@ -24,6 +24,8 @@ _SLEEP = 0.05
 _LATE, _LEAP = 50, 5.0
 # A counter of so many bits tells the rate.
 _COUNTS_TIME = 8
+# Times that miss this share of the losses, of so many at least, do not know of them.
+_MOSTLY, _FEW = 0.5, 4
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,10 @@ class Layout:
         What the grid was made from: ``sample_index``, ``packet_counter`` or ``time``.
     remarks
         What was found odd on the way, in sentences.
+    untimed
+        Whether a counter too short to count tells of losses that the times do not show.
+    repeated
+        Rows that came twice.
     """
 
     rows: np.ndarray
@@ -74,6 +80,8 @@ class Layout:
     slept: bool
     by: str
     remarks: tuple[str, ...] = ()
+    untimed: bool = False
+    repeated: int = 0
 
     @property
     def samples(self) -> int:
@@ -136,6 +144,8 @@ class _Grid:
     _longest: int = 0
     _slept: int = 0
     _strays: int = 0
+    _jumps: int = 0
+    _untimed: int = 0
     _strayed: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     @classmethod
@@ -215,6 +225,8 @@ class _Grid:
             self._slept > 0,
             self.by,
             tuple(remarks),
+            self.bits <= SMALL_COUNTER and self._untimed > _MOSTLY * max(self._jumps, _FEW),
+            repeated,
         )
 
     def _by_index(self, elapsed: np.ndarray, index: np.ndarray) -> np.ndarray:
@@ -278,6 +290,9 @@ class _Grid:
         ahead = np.where(leaps, np.maximum(np.round(by_time), 1.0), ahead)
         self._strays += int(leaps.sum())
         self._strayed[at] = leaps
+        jumps = (ahead > 1.0) & (at + self.size > 0)
+        self._jumps += int(jumps.sum())
+        self._untimed += int((jumps & (by_time < 1.5)).sum())
         packets[at] = ahead
         slack = 2.0 if self.gated else max(2.0, _SLEEP * self.rate / self.frames)
         behind = (by_time - ahead > slack) & ~late

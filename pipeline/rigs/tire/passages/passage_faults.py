@@ -20,7 +20,8 @@ Course = Revolutions
 
 # Share of a revolution's samples in a gated log; those about the patch are there by so much more.
 _GATED_SHARE, _GATED_PATCH = 0.75, 0.25
-_SKEWED, _EVEN = 2.0, 1.2
+# Skewness of a flex sensor in the film's channel, of a film in the flex sensor's; of no flex sensor, however long the contact.
+_SKEWED, _SWAPPED, _EVEN = 2.0, 1.2, 0.5
 FIRST_HARMONIC = 0.02
 _FEWEST = 6
 _DEAD = 5.0
@@ -178,8 +179,8 @@ def _exchanged(found: RunFindings, device: Device, course: Course, gated: bool) 
     """Say whether the channels look swapped, or one is dead."""
     skewness = float(np.median(course.skewness))
     film = float(np.median(course.film_skewness)) if device.has_film else math.nan
-    if abs(skewness) < _EVEN and not gated:
-        swapped = abs(film) > _SKEWED
+    swapped = abs(skewness) < _SWAPPED and abs(film) > _SKEWED
+    if (swapped or abs(skewness) < _EVEN) and not gated:
         found.add(
             "error",
             f"channels look swapped: skewness of a revolution {skewness:.1f} in the flex channel (expected 3 to 5) and "
@@ -227,7 +228,7 @@ def _signals(found: RunFindings, device: Device, course: Course, gated: bool) ->
 
 def _clipping(device: Device) -> str:
     """Say why the flex sensor can be at an end of its range."""
-    if device.adc_full_scale > device.supply_voltage + 2.0 * device.step:
+    if device.scale_known and device.adc_full_scale > device.supply_voltage + 2.0 * device.step:
         return (
             f"A divider gives no more than its supply (supply_voltage {device.supply_voltage:g} V), the converter reads up to "
             f"adc_reference ({device.adc_full_scale:g} V): check both."
