@@ -221,3 +221,15 @@ def test_a_free_spin_is_no_fault_and_a_road_run_belongs_elsewhere():
     assert "it belongs to tire.road" in all_said(found)
     assert not any("free_spin" in reason for reason in found.reasons)
     assert [q.level for q in found.quality if q.run == "free_spin"] == ["note"]
+
+
+def test_two_clocks_that_differ_by_one_factor_are_told_and_widen_the_radius():
+    runs = (("load_1000", 7.0), ("load_2000", 9.0), ("load_3000", 12.0))
+    found = identified(
+        without_ring([
+            synthesize_bench({"runs": [run], "duration": length, "reference_ppm": 1e4}, 3)[0] for run, length in runs
+        ])
+    )  # fmt: skip
+    assert "one of the two clocks is off" in all_said(found)
+    p = found.one("rolling_radius")
+    assert p.std_error > 0.008 * p.value

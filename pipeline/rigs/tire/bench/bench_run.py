@@ -46,6 +46,8 @@ class BenchRun:
         What is to be said of the run.
     supply
         Mean current (A) and battery voltage (V, NaN where not logged) of the transmitter; None without a current.
+    reference_length
+        How long the bench's table lasts by its own clock, s; NaN where there is none.
     """
 
     name: str
@@ -58,6 +60,7 @@ class BenchRun:
     point: SpeedPoint
     findings: tuple[QualityFinding, ...]
     supply: tuple[float, float] | None = None
+    reference_length: float = math.nan
 
     def told(self, name: str) -> float | None:
         """Return a numeric condition, None where the run does not state it."""
@@ -152,7 +155,7 @@ def bench_run(recording: Recording) -> BenchRun:
     findings = (*passage_findings(device, course, waveform), *reference.findings)
     return BenchRun(
         recording.run, dict(recording.conditions), device, course, revolutions, waveform, reference, point,
-        tuple(findings), _supply(recording),
+        tuple(findings), _supply(recording), _reference_length(recording),
     )  # fmt: skip
 
 
@@ -184,6 +187,13 @@ def _speed_point(recording: Recording, revolutions: Revolutions, reference: Refe
         return speed_point(recording.run, revolutions.times, revolutions.speed, revolutions.speed_se, time, speed)
     except InputError:
         return alone
+
+
+def _reference_length(recording: Recording) -> float:
+    """Return how long the bench's own table lasts by its stamps, s; NaN where there is none."""
+    name = next((n for n in (SPEED, LOAD) if n in recording), None)
+    time = recording.stream_of(name).time if name is not None else np.zeros(0)
+    return float(time[-1] - time[0]) if len(time) > 1 else math.nan
 
 
 def _supply(recording: Recording) -> tuple[float, float] | None:

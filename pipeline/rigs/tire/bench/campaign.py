@@ -38,6 +38,8 @@ class Campaign:
         What is said of a load cell that reads all loads wrong by the same force; no load can be relied on then.
     size_doubted
         Whether the rolling radius contradicts the tire's size.
+    clock_u
+        Relative doubt of the transmitter's clock, by the tire's size or the bench's clock; 0 where there is none.
     odd, misfit
         Runs off the curve of the others; those that the others' ring does not fit.
     doubted
@@ -55,6 +57,7 @@ class Campaign:
     left_out: dict[str, str] = field(default_factory=dict)
     findings: list[QualityFinding] = field(default_factory=list)
     size_doubted: bool = False
+    clock_u: float = 0.0
     line: SpeedLine | None = None
     no_line: str = ""
     radius: float = _USUAL_RADIUS

@@ -95,8 +95,8 @@ def _radius(found: Campaign) -> Estimate:
     if found.line.suspicion:
         return undetermined("rolling_radius", found.line.suspicion)
     radius = found.line.radius
-    if found.size_doubted and radius.value is not None:
-        why = "widened by its contradiction to the tire's size"
+    if found.clock_u and radius.value is not None:
+        why = "widened by what contradicts it: " + ("the tire's size" if found.size_doubted else "the two clocks")
         return estimate("rolling_radius", radius.value, found.radius_u * radius.value, reason=why)
     return replace(radius, reason="gain of road_speed taken as exact")
 
@@ -133,10 +133,10 @@ def _ring(found: Campaign) -> list[Estimate]:
 
 
 def _timed(found: Campaign, e: Estimate) -> Estimate:
-    """Widen a time by the doubt of the transmitter's clock, where rolling radius and tire size contradict each other."""
-    if not found.size_doubted or e.value is None or e.std_error is None or e.name not in _TIMES:
+    """Widen a time by the doubt of the transmitter's clock."""
+    if not found.clock_u or e.value is None or e.std_error is None or e.name not in _TIMES:
         return e
-    error = math.hypot(e.std_error, found.radius_u * e.value)
+    error = math.hypot(e.std_error, found.clock_u * e.value)
     return estimate(e.name, e.value, error, at=e.at, reason="widened by the doubt of the clock")
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from pipeline.errors import listing
 from pipeline.recording import QualityFinding
 from pipeline.rigs.tire.bench.campaign import BY_SIZE_U, Campaign
@@ -12,6 +14,8 @@ from pipeline.rigs.tire.bench.speed_line import expected_radius, speed_line
 
 # A tire's rolling radius lies this close to the one by its size (relative).
 _BELIEVED = 0.015
+# Clocks that differ by more are told, by so many runs whose lengths differ by that share at least.
+_CLOCKS, _FEWEST, _LENGTHS = 0.003, 3, 0.2
 
 
 def roll(found: Campaign) -> None:
@@ -25,6 +29,7 @@ def roll(found: Campaign) -> None:
         value, error = found.line.radius.value, found.line.radius.std_error
         if value is not None and error is not None:
             found.radius, found.radius_u = value, error / value
+            _compare_clocks(found)
             _hold_against_size(found)
             return
     if diameter is not None:
@@ -38,6 +43,25 @@ def roll(found: Campaign) -> None:
     found.findings.append(QualityFinding("warning", text, None, "road_speed"))
 
 
+def _compare_clocks(found: Campaign) -> None:
+    """Doubt the clocks where the two tables of every run last differently by one factor: not by when they were started."""
+    pairs = np.array([(run.device.duration, run.reference_length) for run in found.runs])
+    pairs = pairs[np.isfinite(pairs).all(axis=1) & (pairs > 0.0).all(axis=1)]
+    if len(pairs) < _FEWEST or np.ptp(pairs[:, 1]) < _LENGTHS * pairs[:, 1].min():
+        return
+    own, reference = pairs.T
+    off = float(np.median(own / reference)) - 1.0
+    as_factor, as_offset = np.std(own - (1.0 + off) * reference), np.std(own - reference)
+    if abs(off) < _CLOCKS or as_factor > 0.2 * as_offset:
+        return
+    found.radius_u, found.clock_u = max(found.radius_u, abs(off)), max(found.clock_u, abs(off))
+    text = (
+        f"the transmitter's log lasts {100 * off:+.2f} % longer than the bench's table in every run, whatever its length: one of the two clocks is off "
+        "(sample_rate, or the stamps of the bench). Rolling radius and all times are taken to be that uncertain. Check sample_rate"
+    )
+    found.findings.append(QualityFinding("warning", text))
+
+
 def _hold_against_size(found: Campaign) -> None:
     """Doubt a tire size that the rolling radius contradicts: it sets the scale of the ring."""
     free = found.tire.free_radius
@@ -45,7 +69,7 @@ def _hold_against_size(found: Campaign) -> None:
         return
     found.size_doubted = True
     off = abs(found.radius / expected_radius(2.0 * free) - 1.0)
-    found.radius_u = max(found.radius_u, off)
+    found.radius_u, found.clock_u = max(found.radius_u, off), max(found.clock_u, off)
     text = (
         f"the tire rolls on {1e3 * found.radius:.1f} mm, and {found.tire.size} of free radius {1e3 * free:.1f} mm on about "
         f"{1e3 * expected_radius(2.0 * free):.1f} mm: tire_size, road_speed or the transmitter's clock (sample_rate) is wrong. "
