@@ -47,10 +47,11 @@ def passage_sums(
     """Return, for each knot, the sums of the least squares of [T, T', 1] on the valid samples round it.
 
     T, T' are the template and its derivative by angle on an even periodic grid that begins at angle -pi. Columns:
-    TT, TD, T1, DD, D1, valid samples, yT, yD, y1, yy, samples of the window; shape (m, 11).
+    TT, TD, T1, DD, D1, valid samples, yT, yD, y1, yy, samples of the window, and WT, WD, W1 with W = angle T'; shape
+    (m, 14).
     """
     m, N = knots.size, T.size
-    out = np.zeros((m, 11))
+    out = np.zeros((m, 14))
     for k in range(m):
         before = knots[k] - knots[k - 1] if k > 0 else knots[1] - knots[0]
         after = knots[k + 1] - knots[k] if k < m - 1 else before
@@ -79,6 +80,10 @@ def passage_sums(
             s[7] += y * d
             s[8] += y
             s[9] += y * y
+            w = 2.0 * math.pi * p * d
+            s[11] += w * t
+            s[12] += w * d
+            s[13] += w
     return out
 
 

@@ -78,7 +78,7 @@ def moments_of(flex: np.ndarray, chain: Chain, valid: np.ndarray, known: Templat
             template = _template(flex, places)
     fit = fitted(flex, places, template)
     places = between(np.where(there, fit.places, places), there)
-    noise, load = standard_errors(flex, places, template, fit), load_errors(places, template, fit.amplitude)
+    noise, load = standard_errors(flex, places, template, fit), load_errors(places, template, fit)
     errors = np.where(there, np.hypot(noise, load), _error_between(places, there))
     return Moments(places, errors, ~there, fit, template)
 
