@@ -63,6 +63,7 @@ def fit_rings(found: Campaign) -> None:
     found.verdict = judged(found.ring)
     if not found.verdict.fits:
         _without_the_worst(found, runs, known)
+    _scattered(found, runs, known)
     found.unfitted.update(found.ring.left_out)
 
 
@@ -88,6 +89,17 @@ def _without_the_worst(found: Campaign, runs: list[RingRun], known: Known) -> No
                     QualityFinding("warning", f"{text}. The run is in neither ring fit nor calibration", name)
                 )
             return
+
+
+def _scattered(found: Campaign, runs: list[RingRun], known: Known) -> None:
+    """Let load, gain and pressure differ from run to run where that explains what noise does not."""
+    if found.ring is None:
+        return
+    used = {run.run for run in found.ring.runs}
+    ring = fit_ring([run for run in runs if run.run in used], known, found.ring.values, scattered=True)
+    verdict = judged(ring)
+    if ring.scatter > 0.0 and verdict.fits:
+        found.ring, found.verdict = ring, verdict
 
 
 def _stands_alone(misfits: list[float]) -> bool:

@@ -17,6 +17,7 @@ from pipeline.estimation.uncertainty import effective_size
 from pipeline.rigs.tire.bench.ring_model import NAMES, SCALED, SIZES, RingModel, Unknowns, unknowns_at
 from pipeline.rigs.tire.bench.ring_result import Influence, RingFit, RunFit
 from pipeline.rigs.tire.bench.ring_run import Known, RingRun
+from pipeline.rigs.tire.bench.run_scatter import run_scatter
 from pipeline.rigs.tire.ring.sensor import highest_order
 
 _START = Unknowns(10.0, 0.2, 4e5, 1e5, 1e8, 4000.0, 0.05, 1e-3, 0.05)
@@ -24,6 +25,8 @@ _START = Unknowns(10.0, 0.2, 4e5, 1e5, 1e8, 4000.0, 0.05, 1e-3, 0.05)
 _OTHER_STARTS = ((0.3, 1.0, 2.0, 1.0), (3.0, 2.0, 1.0, 0.3), (1.0, 0.3, 3.0, 3.0))
 _DECADE = math.log(10.0)
 _LINEAR_BOUNDS = {"loss_factor": (-0.1, 1.0), "sensor_lag": (-1e-3, 5e-2)}
+_USUAL_LOAD, _SIZES_OF_TIRES = 2000.0, (0.1, 10.0)
+_STIFFNESSES = ("bending_stiffness", "foundation_radial", "foundation_tangential", "tread_stiffness")
 _POOR = 2.0
 _AGREE = 1e-3
 _FEWEST_BINS = 64
@@ -33,7 +36,9 @@ _GUESS_U = 0.1
 _EDGE = 0.03
 
 
-def fit_ring(runs: Sequence[RingRun], known: Known, start: Unknowns | None = None) -> RingFit:
+def fit_ring(
+    runs: Sequence[RingRun], known: Known, start: Unknowns | None = None, *, scattered: bool = False
+) -> RingFit:
     """Fit ring, tread and sensor to all runs at once.
 
     Parameters
@@ -44,6 +49,9 @@ def fit_ring(runs: Sequence[RingRun], known: Known, start: Unknowns | None = Non
         What is not fitted, and priors.
     start
         Other than the usual one.
+    scattered
+        Whether load, sensor gain and pressure may differ from run to run by more than their noise, as on real benches; by
+        how much is found from the runs themselves (`run_scatter`).
 
     Raises
     ------
@@ -68,7 +76,10 @@ def fit_ring(runs: Sequence[RingRun], known: Known, start: Unknowns | None = Non
     scale_held = loads < 3 and not heights and known.belt_width_u is None
     prior = _GUESS_U if scale_held else known.belt_width_u
     model = RingModel(used, Known(**{**vars(known), "belt_width": b, "belt_width_u": prior}))
-    x, at_bound, converged = _searched(model, start or _start(known, b))
+    x, at_bound, converged = _searched(model, start or _start(known, b, used))
+    if scattered and (scatter := run_scatter(model, x)) > 0.0:
+        model = RingModel(used, model.known, scatter)
+        x, at_bound, converged = _searched(model, unknowns_at(x[: len(NAMES)]))
     return _result(model, known, x, at_bound, converged, (loads, speeds), left_out, scale_held)
 
 
@@ -99,16 +110,19 @@ def _distinct(values: Sequence[float], apart: float = 0.1) -> int:
     return count
 
 
-def _start(known: Known, b: float) -> Unknowns:
-    return Unknowns(**{**vars(_START), "belt_width": b, "sensor_length": known.sensor_length})
+def _start(known: Known, b: float, runs: Sequence[RingRun]) -> Unknowns:
+    """Return where to begin: stiffnesses of a tire for these loads."""
+    size = float(np.clip(np.median([run.load for run in runs]) / _USUAL_LOAD, *_SIZES_OF_TIRES))
+    scaled = {name: getattr(_START, name) * size for name in _STIFFNESSES}
+    return Unknowns(**{**vars(_START), **scaled, "belt_width": b, "sensor_length": known.sensor_length})
 
 
 def _searched(model: RingModel, first: Unknowns) -> tuple[np.ndarray, tuple[str, ...], bool]:
     """Return the best end point, which names are at a bound there, and whether the search converged."""
     best: tuple[float, np.ndarray, tuple[str, ...], bool] | None = None
     for factors in ((1.0, 1.0, 1.0, 1.0), *_OTHER_STARTS):
-        scaled = ("bending_stiffness", "foundation_radial", "foundation_tangential", "tread_stiffness")
-        start = Unknowns(**{**vars(first), **{n: getattr(first, n) * f for n, f in zip(scaled, factors, strict=True)}})
+        moved = {n: getattr(first, n) * f for n, f in zip(_STIFFNESSES, factors, strict=True)}
+        start = Unknowns(**{**vars(first), **moved})
         try:
             cost, x, held, converged = _descended(model, start)
         except ArithmeticError:
@@ -216,6 +230,7 @@ def _result(
         speeds=counts[1],
         left_out=left_out,
         scale_held=scale_held,
+        scatter=model.scatter,
     )
 
 
@@ -270,6 +285,8 @@ def _run_fit(
     # scales it.
     slope = slopes[g].copy()
     slope[own + 1] = -slope[[NAMES.index(name) for name in SCALED]].sum()
+    if model.scatter > 0.0:
+        slope[model.own(i).stop - 1] = slope[NAMES.index("belt_width")]
     mesh = _EDGE * 2.0 * math.pi * model.known.R / contact.theta.size
     variance = float(slope @ covariance @ slope) + (model.known.R_u * contact.length) ** 2 + mesh**2
     angle = float(x[own])

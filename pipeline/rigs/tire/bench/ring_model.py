@@ -36,8 +36,8 @@ _STEP = {name: 1e-3 if name in SCALED else 2e-2 for name in _CONTACT}
 _SAME_LOAD = 3e-3
 _LOAD_STEP = 2e-3
 _LENGTH_STEP = 3e-2
-# Coordinates that each run has for itself.
-_OWN = 4
+# Coordinates that each run has for itself, and those that it has beside where the runs scatter.
+_OWN, _SCATTERED = 4, 2
 # Rotation within a turn, unseen between two passages, is even to this share at 10 km/h; a disturbing torque moves a slow
 # drum more, as one over the speed squared.
 UNEVEN = 1e-4
@@ -85,30 +85,39 @@ def unknowns_at(coordinates: np.ndarray) -> Unknowns:
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """One contact, its curvature's harmonics (M,) and what they and the hub's height change by ln load."""
+    """One contact, its curvature's harmonics (M,) and what they and the hub's height change by ln load and ln pressure.
+
+    By pressure zero unless the runs' own is asked for.
+    """
 
     contact: Contact
     k: np.ndarray
     k_by_load: np.ndarray
     height_by_load: float
+    k_by_pressure: np.ndarray
+    height_by_pressure: float
 
 
 class RingModel:
     """Weighted residuals of all runs and their derivatives.
 
     Coordinates: 9 shared ones; then for each run the angle (rad), ln of true over measured load, and two shares of a
-    rotation that is not even within the turn (`own`); then, where hub heights are known, their common offset (m). R0 and
-    a drift within the turn are solved for and projected out.
+    rotation that is not even within the turn (`own`), and with `scatter` ln of its own sensor gain and pressure over what
+    all share; then, where hub heights are known, their common offset (m). R0 and a drift within the turn are solved for
+    and projected out.
+
+    `scatter` is the relative standard deviation by which load, gain and pressure differ from run to run, unseen.
     """
 
-    def __init__(self, runs: list[RingRun], known: Known) -> None:
-        self.runs, self.known = runs, known
+    def __init__(self, runs: list[RingRun], known: Known, scatter: float = 0.0) -> None:
+        self.runs, self.known, self.scatter = runs, known, scatter
+        self.owned = _OWN + (_SCATTERED if scatter > 0.0 else 0)
         self.orders = np.arange(runs[0].theta.size // 2, dtype=float)
         self.weights = [weights(run) for run in runs]
         self.nuisance = [_nuisance(run, w) for run, w in zip(runs, self.weights, strict=True)]
         self.groups, self.member = _groups(runs)
         self.heights = [i for i, run in enumerate(runs) if run.hub_height is not None]
-        self.size = len(NAMES) + _OWN * len(runs) + bool(self.heights)
+        self.size = len(NAMES) + self.owned * len(runs) + bool(self.heights)
         self.priors = self._priors()
         self.solves = 0
         self._active: dict[int, np.ndarray] = {}
@@ -116,8 +125,11 @@ class RingModel:
         self._derivatives: tuple[bytes, tuple[np.ndarray, np.ndarray]] = (b"", (np.zeros(0), np.zeros(0)))
 
     def own(self, i: int) -> slice:
-        """Return where the coordinates of run i stand: angle, ln load, uneven rotation as a sine and as a cosine."""
-        return slice(len(NAMES) + i * _OWN, len(NAMES) + (i + 1) * _OWN)
+        """Return where the coordinates of run i stand: angle, ln load, uneven rotation as a sine and as a cosine, ...
+
+        and, where the runs scatter, ln of gain and pressure.
+        """
+        return slice(len(NAMES) + i * self.owned, len(NAMES) + (i + 1) * self.owned)
 
     def _priors(self) -> list[tuple[int, float, float]]:
         """Return coordinate, value and standard deviation of what is known beforehand."""
@@ -127,8 +139,9 @@ class RingModel:
             found.append((NAMES.index("belt_width"), math.log(known.belt_width), known.belt_width_u))
         for i, run in enumerate(self.runs):
             at, uneven = self.own(i).start, UNEVEN * (_USUAL_ROTATION / run.rotation) ** 2
-            found.append((at + 1, 0.0, max(run.load_se / run.load, 1e-6)))
+            found.append((at + 1, 0.0, math.hypot(max(run.load_se / run.load, 1e-6), self.scatter)))
             found += [(at + 2, 0.0, uneven), (at + 3, 0.0, uneven)]
+            found += [(at + j, 0.0, self.scatter) for j in range(_OWN, self.owned)]
         if self.heights:
             found.append((self.size - 1, 0.0, _HEIGHT_OFFSET))
         return found
@@ -139,14 +152,23 @@ class RingModel:
         if self._loaded[0] != key:
             values, M = unknowns_at(x[: len(NAMES)]), self.orders.size
             found = []
-            for here, more in zip(self._solved(values), self._solved(values, 1.0 + _LOAD_STEP), strict=True):
+            step = math.log1p(_LOAD_STEP)
+            heres = self._solved(values)
+            harder = (
+                self._solved(replace(values, belt_width=values.belt_width * (1.0 + _LOAD_STEP)))
+                if self.scatter > 0.0
+                else heres
+            )
+            for here, more, hard in zip(heres, self._solved(values, 1.0 + _LOAD_STEP), harder, strict=True):
                 k = here.shape.harmonics[:M]
                 found.append(
                     Loaded(
                         here,
                         k,
-                        (more.shape.harmonics[:M] - k) / math.log1p(_LOAD_STEP),
-                        (more.loaded_radius - here.loaded_radius) / math.log1p(_LOAD_STEP),
+                        (more.shape.harmonics[:M] - k) / step,
+                        (more.loaded_radius - here.loaded_radius) / step,
+                        (hard.shape.harmonics[:M] - k) / step,
+                        (hard.loaded_radius - here.loaded_radius) / step,
                     )
                 )
             self._loaded = (key, found)
@@ -240,6 +262,7 @@ class RingModel:
     def _height(self, x: np.ndarray, i: int) -> float:
         run, here = self.runs[i], self.loaded(x)[self.member[i]]
         model = here.contact.loaded_radius + here.height_by_load * self._off(x, i) + float(x[-1])
+        model += here.height_by_pressure * self._of_run(x, i)[1]
         return (model - (run.hub_height or 0.0)) / _height_se(run)
 
     def _height_jacobian(self, x: np.ndarray) -> np.ndarray:
@@ -249,6 +272,8 @@ class RingModel:
             for name, slope in zip(_CONTACT, self._slopes(x)[1][g], strict=True):
                 row[NAMES.index(name)] = slope
             row[self.own(i).start + 1] = -self._slopes(x)[1][g, : len(SCALED)].sum()
+            if self.scatter > 0.0:
+                row[self.own(i).start + _OWN + 1] = row[NAMES.index("belt_width")]
             row[-1] = 1.0
             row /= _height_se(self.runs[i])
         return rows
@@ -257,16 +282,22 @@ class RingModel:
         """Return ln of the true load of run i over that of its group."""
         return math.log(self.runs[i].load / self.groups[self.member[i]][1]) + float(x[self.own(i)][1])
 
+    def _of_run(self, x: np.ndarray, i: int) -> tuple[float, float]:
+        """Return ln of gain and pressure of run i over what all share."""
+        own = x[self.own(i)]
+        return (float(own[_OWN]), float(own[_OWN + 1])) if self.scatter > 0.0 else (0.0, 0.0)
+
     def _run(self, x: np.ndarray, i: int, derivatives: bool) -> np.ndarray:
         """Return the waveform of run i, then (if asked) its derivatives by the shared ones and its own."""
         run, n, shared = self.runs[i], self.orders, len(NAMES)
         values, here = unknowns_at(x[:shared]), self.loaded(x)[self.member[i]]
-        k = here.k + self._off(x, i) * here.k_by_load
-        angle, _, sine, cosine = x[self.own(i)]
+        gain, pressure = self._of_run(x, i)
+        k = here.k + self._off(x, i) * here.k_by_load + pressure * here.k_by_pressure
+        angle, _, sine, cosine = x[self.own(i)][:_OWN]
         turn = run.theta[0] + np.pi - angle  # the grid of the transform begins at -pi
         lag = lagging(n, run.rotation, values.sensor_lag)
         mean = averaging(n, values.sensor_length, self.known.R)
-        rest = values.sensor_gain * lag * np.exp(1j * n * turn)
+        rest = values.sensor_gain * math.exp(gain) * lag * np.exp(1j * n * turn)
         h = k * rest * mean
         wave, ahead = _on_grid(np.stack([h, 1j * n * h]), run.theta.size)
         uneven = np.stack([np.sin(run.theta), 1.0 - np.cos(run.theta)]) * ahead
@@ -283,11 +314,13 @@ class RingModel:
         rows[shared + 1] = -1j * n * h
         # All loads and stiffnesses times one factor leave the shape as it is.
         rows[shared + 2] = -rows[[1 + NAMES.index(name) for name in SCALED]].sum(axis=0)
-        return np.concatenate([wave[None, :], _on_grid(rows[1:], run.theta.size), uneven])
+        waves = _on_grid(rows[1:], run.theta.size)
+        beside = waves[[NAMES.index("sensor_gain"), NAMES.index("belt_width")]] if self.scatter > 0.0 else waves[:0]
+        return np.concatenate([wave[None, :], waves, uneven, beside])
 
     def changed(self, **known: float) -> RingModel:
         """Return the same model with other values of what is known (`Known`)."""
-        return RingModel(self.runs, replace(self.known, **known))
+        return RingModel(self.runs, replace(self.known, **known), self.scatter)
 
 
 def _on_grid(harmonics: np.ndarray, bins: int) -> np.ndarray:

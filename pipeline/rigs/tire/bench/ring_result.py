@@ -91,6 +91,9 @@ class RingFit:
         Runs that were not used, with the reason.
     scale_held
         Whether the scale of stiffnesses and gain rests on a guess of the belt's width.
+    scatter
+        Relative standard deviation by which load, gain and pressure differ from run to run beyond their noise; 0 where
+        none was looked for or found.
     """
 
     values: Unknowns
@@ -110,6 +113,7 @@ class RingFit:
     speeds: int
     left_out: dict[str, str]
     scale_held: bool
+    scatter: float = 0.0
 
     @property
     def names(self) -> tuple[str, ...]:

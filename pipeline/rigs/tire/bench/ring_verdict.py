@@ -18,6 +18,8 @@ _LARGEST_BAND = 4.0
 _DOUBTFUL_BAND = 1.6
 _CORRELATED = 1.5
 _RISE = 4.0
+# By how much runs of one bench may differ (relative) before it is told, and before it is a fault.
+_TOLD_SCATTER, _MOST_SCATTER = 5e-4, 0.03
 
 
 @dataclass(frozen=True)
@@ -65,14 +67,19 @@ def judged(fit: RingFit) -> RingVerdict:
     speed_trend = _trend(fit, [run.rotation for run in fit.runs])
     rising = max(load_trend, speed_trend) > _RISE if fit.runs else False
     level: Level = "ok"
-    if coloured and (chi2 > _LARGEST or band > _LARGEST_BAND):
+    if (coloured and (chi2 > _LARGEST or band > _LARGEST_BAND)) or fit.scatter > _MOST_SCATTER:
         level = "rejected"
-    elif chi2 > _LARGEST or band > _DOUBTFUL_BAND or not fit.converged:
+    elif chi2 > _LARGEST or band > _DOUBTFUL_BAND or fit.scatter > _TOLD_SCATTER or not fit.converged:
         level = "doubt"
     misfit = _misfit(fit)
     size = f"chi2_red {chi2:.3g}, {band:.3g} in the orders that the sensor feels"
     if level == "ok":
         said = f"The ring model fits: what it leaves is as large as the scatter of the averages ({size})."
+    elif level == "rejected" and fit.scatter > _MOST_SCATTER:
+        said = (
+            f"The runs contradict each other: load, sensor gain or pressure would have to differ from run to run by {fit.scatter:.1%}. Look at "
+            "the loads, the pressure before and behind each run and the bond."
+        )
     elif level == "rejected":
         said = (
             f"The model does not fit ({size}): it leaves {misfit:.2%} of the peak, correlated over {length:.0f} angles. "
@@ -81,6 +88,11 @@ def judged(fit: RingFit) -> RingVerdict:
         )
     elif not coloured and chi2 > _LARGEST:
         said = f"The residual is white but larger than the standard errors tell ({size}); the intervals are widened for it."
+    elif fit.scatter > _TOLD_SCATTER:
+        said = (
+            f"The ring model fits ({size}) once load, sensor gain and pressure may differ from run to run by {fit.scatter:.2%}, more than their noise "
+            "explains (friction, temperature, pressure reset between runs); the intervals hold that."
+        )
     elif not fit.converged:
         said = f"The search did not end by its own tolerance ({size}); take the numbers with doubt."
     else:
