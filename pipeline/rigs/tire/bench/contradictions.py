@@ -26,13 +26,12 @@ _SHADOW = 3
 
 def doubt_closure(found: Campaign) -> None:
     """Set aside runs whose R2 has a first harmonic: the bending of a closed belt has none (tire.md, 3.1)."""
+    text = (
+        f"first harmonic of R2 is more than {FIRST_HARMONIC:.0%} of the peak, not explicable by ring bending: an artefact once per revolution, or a wrong "
+        "divider_resistance, supply_voltage or adc_reference"
+    )
     for run in found.runs:
-        harmonic = _first_harmonic(run)
-        if harmonic > FIRST_HARMONIC:
-            text = (
-                f"first harmonic of R2 is {harmonic:.1%} of the peak, not explicable by ring bending: an artefact once per revolution, or a wrong "
-                "divider_resistance, supply_voltage or adc_reference"
-            )
+        if _first_harmonic(run) > FIRST_HARMONIC:
             found.doubted[run.name] = found.uncalibrated[run.name] = found.unfitted[run.name] = text
 
 
@@ -87,7 +86,7 @@ def doubt_circuit(found: Campaign) -> None:
     elif harmonic > _CLOSED:
         why = (
             f"R2 has a first harmonic of {harmonic:.1%} of its peak, which a closed belt has not, and the ring model does not fit: divider_resistance, "
-            "supply_voltage or adc_reference are not as stated"
+            "supply_voltage or adc_reference are not as stated, or an artefact comes once per revolution"
         )
     else:
         return
