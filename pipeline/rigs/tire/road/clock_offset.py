@@ -149,7 +149,7 @@ def _coarse(time: np.ndarray, pairs: Sequence[Pair], farthest: float) -> float |
     some = slice(None, None, 1 + time.size // _ENOUGH)
     total, best = np.zeros(lags.size), 0.0
     for pair in pairs:
-        r = np.array([_correlation(pair.values[some], pair.reference(time[some] - lag)) for lag in lags])
+        r = np.array([correlation(pair.values[some], pair.reference(time[some] - lag)) for lag in lags])
         if np.abs(r).max() < _ALIKE:
             continue
         best = max(best, float(np.abs(r).max()))
@@ -158,7 +158,8 @@ def _coarse(time: np.ndarray, pairs: Sequence[Pair], farthest: float) -> float |
     return float(lags[np.argmin(total)]) if best >= _ALIKE else None
 
 
-def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+def correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the correlation of two signals where both are known; 0 where that is less than half of the first."""
     known = np.isfinite(a) & np.isfinite(b)
     if np.count_nonzero(known) < _FEWEST or 2 * np.count_nonzero(known) < np.count_nonzero(np.isfinite(a)):
         return 0.0

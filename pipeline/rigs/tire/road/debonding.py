@@ -95,12 +95,11 @@ class Bonding:
                 else f"film against flex sensor fell by {100.0 - 100.0 / step.share:.0f} % at t = {step.time:.1f} s: the film or its readout"
             )
             return f"{whom} (step of {step.deviations:.0f} sd)"
+        part = 100.0 * self.span / 3600.0
+        told = f"{part * self.drift:+.2f} +- {part * self.drift_se:.2f} % over these {self.span:.0f} s"
         if self.drifts:
-            return (
-                f"flex sensor against film drifts by {100.0 * self.drift:+.1f} +- {100.0 * self.drift_se:.1f} % per hour: "
-                "a gain changes, and the load of the flex sensor with it"
-            )
-        return f"flex sensor and film agree: no step, drift {100.0 * self.drift:+.2f} +- {100.0 * self.drift_se:.2f} % per hour"
+            return f"flex sensor against film drifts by {told}: a gain changes, and the load of the flex sensor with it"
+        return f"flex sensor and film agree: no step, drift {told}"
 
 
 def debonding(

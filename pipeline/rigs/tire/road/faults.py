@@ -118,9 +118,11 @@ def _units(run: RunNumbers) -> Iterator[QualityFinding]:
             "State the unit of that channel in the recipe.",
             "vehicle_speed",
         )
-    wrong = compared is not None and compared.load_unit not in ("N", "")
-    for remark in compared.remarks if compared is not None else ():
-        yield (_warning if wrong and "looks like" in remark else _note)(run, remark)
+    if compared is None:
+        return
+    wrong = compared.load_unit not in ("N", "")
+    for remark in compared.remarks:
+        yield (_warning if (wrong and "looks like" in remark) or not compared.follows else _note)(run, remark)
 
 
 def _clocks(run: RunNumbers) -> Iterator[QualityFinding]:

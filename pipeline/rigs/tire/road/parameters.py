@@ -53,6 +53,8 @@ def _of_reference(name: str, run: RunNumbers) -> Parameter:
     if run.clocks_unsure:
         reason = f"the clocks of transmitter and vehicle seem {compared.offset:+.2f} s apart, {compared.offset_verdict}"
         return _parameter(undetermined(name, reason), at)
+    if not compared.follows:
+        return _parameter(undetermined(name, "the vehicle's table does not belong to this log in time"), at)
     reference = getattr(compared, track)
     if reference is None:
         return _parameter(undetermined(name, f"{channel} is not in newtons: it looks like {compared.load_unit}"), at)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.rigs.tire.road.clock_offset import ClockOffset, Pair, clock_offset
+from pipeline.rigs.tire.road.clock_offset import ClockOffset, Pair, clock_offset, correlation
 from pipeline.rigs.tire.road.revolution_fit import Forces
 
 _G0 = 9.80665
@@ -25,6 +25,8 @@ _SPEED_UNITS = {"m/s": 1.0, "km/h": 3.6, "mph": 2.2369, "knots": 1.9438}
 _ROTATION_UNITS = {"rad/s": 1.0, "rpm": 30.0 / math.pi, "Hz (turns per second)": 0.5 / math.pi}
 _LOAD_UNITS = {"N": 1.0, "kg": 1.0 / _G0, "kN": 1e-3, "lbf": 0.224809}
 _NEAR = 0.15
+# Range of the reference speed over the tire's that is no slip; correlation from which two signals are the same.
+_NOT_SLIP, _ALIKE = 0.15, 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +69,9 @@ class Comparison:
         What the reference looks like; "" where that cannot be told.
     remarks
         Sentences for the reader.
+    follows
+        Whether the reference speed goes with the rotation: otherwise the tables do not belong together in time, and
+        nothing is compared.
     """
 
     clock: ClockOffset
@@ -86,6 +91,7 @@ class Comparison:
     speed_unit: str
     load_unit: str
     remarks: tuple[str, ...]
+    follows: bool = True
 
     @property
     def offset(self) -> float:
@@ -135,6 +141,16 @@ def compare(forces: Forces, table: ReferenceTable, Re: float, duration: float) -
     at = time - clock.at(time)
     seen = {name: None if found is None else found(at) for name, found in over.items()}
     remarks: list[str] = []
+    follows = _goes_with(seen["speed"], forces.speed) or any(
+        one is not None and correlation(values, one) > _ALIKE
+        for values, one in ((load, seen["load"]), (force, seen["force"]))
+    )
+    if not follows:
+        seen = dict.fromkeys(seen, None)
+        remarks.append(
+            "the reference speed does not go with the rotation: the tables of transmitter and vehicle do not belong together in time "
+            "(a logger that started again, clocks far apart, another drive?). Nothing is compared with the vehicle's channels."
+        )
     speed_unit = _unit(seen["speed"], Re * forces.speed, _SPEED_UNITS)
     if seen["speed"] is not None and speed_unit == "":
         speed_unit = _unit(seen["speed"], forces.speed, _ROTATION_UNITS) or _odd_speed(seen["speed"], Re * forces.speed)
@@ -160,7 +176,7 @@ def compare(forces: Forces, table: ReferenceTable, Re: float, duration: float) -
         )
     return Comparison(
         clock, reference_load, reference_force, reference_speed, load_rms, load_bias, force_rms, force_bias, speed_rms,
-        driving, braking, n, direction, told, speed_unit, load_unit, tuple(remarks),
+        driving, braking, n, direction, told, speed_unit, load_unit, tuple(remarks), follows,
     )  # fmt: skip
 
 
@@ -230,6 +246,19 @@ def _unit(reference: np.ndarray | None, values: np.ndarray, units: dict[str, flo
         return ""
     ratio = float(np.median(reference[known] / values[known]))
     return next((unit for unit, factor in units.items() if abs(ratio / factor - 1.0) < _NEAR), "")
+
+
+def _goes_with(reference: np.ndarray | None, rotation: np.ndarray) -> bool:
+    """Tell whether a reference speed is in one proportion to the rotation, as far as slip allows; True where untold."""
+    if reference is None:
+        return True
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logs = np.log(reference / rotation)
+    logs = logs[np.isfinite(logs)]
+    if logs.size < _FEWEST:
+        return True
+    low, high = np.percentile(logs, [10.0, 90.0])
+    return float(high - low) < _NOT_SLIP
 
 
 def _odd_speed(reference: np.ndarray, values: np.ndarray) -> str:

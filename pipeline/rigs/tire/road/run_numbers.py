@@ -17,7 +17,7 @@ from pipeline.rigs.tire.road.asymmetry import Asymmetry, AsymmetrySum
 from pipeline.rigs.tire.road.carried_errors import calibrated, parts
 from pipeline.rigs.tire.road.debonding import Bonding, Step, debonding
 from pipeline.rigs.tire.road.declaration import RoadSettings
-from pipeline.rigs.tire.road.event_centre import Event
+from pipeline.rigs.tire.road.event_centre import VERTICAL, Event
 from pipeline.rigs.tire.road.events import events
 from pipeline.rigs.tire.road.gain_off import gain_off, without_lost_gain
 from pipeline.rigs.tire.road.handed_over import Carried, Chosen, RoadTire, carried, withheld
@@ -247,7 +247,7 @@ def numbers_of(
         common=common,
         speed_sd=radius.std_error * forces.speed,
         tracks=_tracks(forces, held, settings),
-        events=_events(forces, held, settings, device.span),
+        events=_without_steps(_events(forces, held, settings, device.span), bonding),
         ratio=ratio,
         bonding=bonding,
         references=references,
@@ -396,6 +396,16 @@ def _events(forces: Forces, held: Carried, settings: RoadSettings, span: tuple[f
         span=span,
     )
     return tuple(found)
+
+
+def _without_steps(found: tuple[Event, ...], bonding: Bonding | None) -> tuple[Event, ...]:
+    """Return the events without those that are a step of the sensor's own gain: the load only seems to change."""
+    steps = bonding.steps if bonding is not None else ()
+    return tuple(
+        event
+        for event in found
+        if event.kind != VERTICAL or not any(event.first - 1.0 < step.time < event.last + 1.0 for step in steps)
+    )
 
 
 def _ratio(forces: Forces, held: Carried, course: Course) -> np.ndarray:

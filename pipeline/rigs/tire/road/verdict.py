@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.errors import counted
 from pipeline.findings import Verdict
 from pipeline.recording import QualityFinding
-from pipeline.rigs.tire.road.faults import OTHER_RATIO
+from pipeline.rigs.tire.road.faults import FAR_ABOVE, OTHER_RATIO
 from pipeline.rigs.tire.road.handed_over import Chosen
 from pipeline.rigs.tire.road.run_numbers import RunNumbers
 
@@ -83,6 +83,8 @@ def _told(said: Judgement, run: RunNumbers) -> None:
     least, most = tire.bench.loads
     low, high = np.percentile(forces.load[forces.fits], [0.5, 99.5])
     range_ = f"{low:.0f} to {high:.0f} N on the road, {least:.0f} to {most:.0f} N on the bench"
+    if high > most:
+        range_ += f": up to {high / most:.2f} times its highest load, the ring model bears {FAR_ABOVE:g}"
     said.reasons.append(
         f"Run {run.run}: load is extrapolated in {100 * outside:.0f} % of the revolutions ({range_})."
         if outside > 0.0
