@@ -151,6 +151,7 @@ def calibrate(
     friction, F = _friction(used, F, y, degree)
     coefficients, covariance, residual = fitted(F, y, degree)
     dof = len(used) - degree - 1 - (friction is not None)
+    way = np.array([p.direction for p in used], dtype=float)
     slopes = coefficients[1] + 2.0 * coefficients[2] * F
     if slopes.min() <= 0.0:
         reason = (
@@ -162,7 +163,7 @@ def calibrate(
     scatter = math.sqrt(max(float(residual @ residual) / dof, 1e-12 * float(y @ y) / y.size))
     curve = Curve(
         coefficients,
-        scatter**2 * covariance,
+        scatter**2 * covariance + _of_friction(friction, F, y, way, degree),
         degree,
         dof,
         scatter,
@@ -238,6 +239,14 @@ def _friction(
         h = float(solution[-1])
         h_se = math.sqrt(float(left @ left) / dof * np.linalg.inv(A.T @ A)[-1, -1])
     return estimate("guide_friction", h, h_se, dof=dof), F - way * h
+
+
+def _of_friction(friction: Estimate | None, F: np.ndarray, y: np.ndarray, way: np.ndarray, degree: int) -> np.ndarray:
+    """Return what the friction's error adds to the covariance of the coefficients, (3, 3)."""
+    if friction is None or not friction.std_error:
+        return np.zeros((3, 3))
+    moved = fitted(F - way * friction.std_error, y, degree)[0] - fitted(F, y, degree)[0]
+    return np.outer(moved, moved)
 
 
 def _lack_of_fit(

@@ -19,6 +19,8 @@ _LIMIT = 0.25
 # What counts as a size where the value itself may be zero.
 _LEAST = {"loss_factor": 0.02, "sensor_lag": 2e-4}
 _FEWEST_SPEEDS = 2
+# A number that cannot be negative is not told where it is, by more standard errors than this.
+_BELOW = 2.0
 # How far (in logarithms) the belt's width may be from what was expected.
 _WIDTH = 0.3
 _G0 = 9.80665
@@ -60,6 +62,11 @@ def refusal(fit: RingFit, verdict: RingVerdict, name: str) -> str:
             "apart. Measure one load at two speeds or more, the fastest at least twice the slowest."
         )
     value = getattr(fit.values, name)
+    if name in SIZES and value < -_BELOW * fit.std_error(name):
+        return (
+            "it comes out negative, which no tire and no sensor is: the log runs backward, the wheel is driven, or the waveforms hardly tell it. "
+            "Look at the order of time and the sense of rotation."
+        )
     size = max(abs(value), _LEAST.get(name, 0.0))
     if not fit.std_error(name, combined=False) < _LIMIT * size:
         share = fit.std_error(name, combined=False) / size

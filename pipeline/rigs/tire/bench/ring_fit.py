@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -135,11 +136,24 @@ def _searched(model: RingModel, first: Unknowns) -> tuple[np.ndarray, tuple[str,
         data = sum(np.count_nonzero(w) for w in model.weights)
         if not best[2] and 2.0 * best[0] < _POOR * data:
             break
+    if best is not None and any(best[1][NAMES.index(name)] < 0.0 for name in SIZES):
+        best = min(best, _mirrored(model, best), key=lambda one: one[0])
     if best is None:
         raise InputError(
             "the ring fit found no start from which the contact can be solved; look at loads and pressure."
         )
     return best[1:]
+
+
+def _mirrored(
+    model: RingModel, best: tuple[float, np.ndarray, tuple[str, ...], bool]
+) -> tuple[float, np.ndarray, tuple[str, ...], bool]:
+    """Search once more from where loss and lag are not negative: to the angles alone a lag of either sign looks alike."""
+    values = unknowns_at(best[1][: len(NAMES)])
+    try:
+        return _descended(model, replace(values, **{name: abs(getattr(values, name)) for name in SIZES}))
+    except ArithmeticError:
+        return best
 
 
 def _descended(model: RingModel, start: Unknowns) -> tuple[float, np.ndarray, tuple[str, ...], bool]:
