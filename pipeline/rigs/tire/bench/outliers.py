@@ -115,9 +115,7 @@ def _which(one: Marks, off: float, others: Sequence[Marks]) -> Odd | None:
         if film.off * peak.off > 0.0 and abs(film.off) > _SHARED * abs(peak.off):
             return None
         by_load = f", and the PVDF is {100.0 * math.expm1(film.off):+.1f} % off what its load wants"
-    text = (
-        f"{said}{by_load}: the flex sensor's gain changed (bond, ink, temperature), and not the load. Look at the bond"
-    )
+    text = f"{said}{by_load}: the flex sensor's gain changed (bond, ink, temperature, supply), and not the load. Look at the bond"
     return Odd(one.run, off, "sensor", text)
 
 
@@ -128,7 +126,7 @@ def _by_cause(one: Marks, off: float, others: Sequence[Marks]) -> Odd:
     film = _departure(one, same_speed, "film")
     bent = _departure(one, others, "bent")
     if film is not None and abs(film.off) < _SHARED * abs(off):
-        text = f"{said}, while the PVDF is {100 * math.expm1(film.off):+.1f} % off: the flex sensor's gain changed (bond, ink, temperature). Look at the bond"
+        text = f"{said}, while the PVDF is {100 * math.expm1(film.off):+.1f} % off: the flex sensor's gain changed (bond, ink, temperature, supply). Look at the bond"
         return Odd(one.run, off, "sensor", text)
     if bent is not None and abs(bent.off) > _BENT and (bent.off > 0.0) == (off > 0.0):
         text = (
