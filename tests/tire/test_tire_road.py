@@ -202,6 +202,17 @@ def test_debonding_withholds_what_comes_after():
     assert table["vertical_load"][table["time"] < 13.0].notna().mean() > 0.9
 
 
+def test_what_lies_before_the_ink_broke_is_kept():
+    (recording,) = synthesize_road(SHORT, 5)
+    device = recording.streams["device"]
+    device.channels["flex_code"].values[device.time > 12.0] = 4095.0
+    found = identified([recording])
+    assert "broken ink" in messages(found, "warning")
+    table = found.arrays["revolutions"]
+    assert table["vertical_load"][table["time"] > 12.0].isna().all()
+    assert table["vertical_load"][table["time"] < 11.5].notna().mean() > 0.9
+
+
 def test_a_reference_that_begins_later_is_brought_to_the_transmitters_clock():
     found = short(reference_shift=1.5)
     drives = found.arrays["drives"]

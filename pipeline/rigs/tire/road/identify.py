@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from pipeline.rigs.tire.road.published import published
 from pipeline.rigs.tire.road.revolution_fit import REASONS
 from pipeline.rigs.tire.road.run_numbers import Libraries, RunNumbers, numbers_of
 from pipeline.rigs.tire.road.verdict import judge
+
+# So many revolutions before the ink broke are worth keeping.
+_ENOUGH = 20
 
 
 @dataclass
@@ -103,7 +106,7 @@ def _sort(
     except InputError as error:
         runs.leave_out(recording.run, str(error))
         return
-    found = [*numbers.findings, *passage_findings(numbers.device, numbers.course, None)]
+    found = [*numbers.findings, *_of_the_log(numbers)]
     errors = [q.message for q in found if q.level == "error"]
     if errors or not numbers.usable.any():
         runs.quality += found
@@ -111,6 +114,20 @@ def _sort(
         return
     runs.quality += [*found, *faults_of(numbers)]
     runs.numbers.append(numbers)
+
+
+def _of_the_log(numbers: RunNumbers) -> list[QualityFinding]:
+    """Return what the log tells; ink that breaks on the way ends a drive, what lies before it stands."""
+    found = list(passage_findings(numbers.device, numbers.course, None))
+    if np.count_nonzero(numbers.usable) < _ENOUGH:
+        return found
+    told = "Load and force from then on are withheld, what lies before stands; glue a new sensor and calibrate it."
+    return [
+        replace(q, level="warning", message=f"{q.message} {told}")
+        if q.level == "error" and q.span in numbers.course.open
+        else q
+        for q in found
+    ]
 
 
 def _none_usable(numbers: RunNumbers, found: Sequence[QualityFinding]) -> str:

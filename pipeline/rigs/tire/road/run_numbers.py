@@ -216,7 +216,7 @@ def numbers_of(
     held = carried(choice, recording.run, recording.conditions)
     known = libraries.of(held.tire) if held.tire is not None else None
     forces, course, asymmetry, fit = _passed(device, known, progress)
-    forces = in_step(forces)
+    forces = _before_the_break(in_step(forces), course)
     ratio = _ratio(forces, held, course)
     bonding = _bonding(forces, ratio, held)
     came_off = _came_off(bonding)
@@ -396,6 +396,15 @@ def _events(forces: Forces, held: Carried, settings: RoadSettings, span: tuple[f
         span=span,
     )
     return tuple(found)
+
+
+def _before_the_break(forces: Forces, course: Course) -> Forces:
+    """Return the forces without the revolutions that reach into the time when the sensor is open or shorted, or follow it."""
+    if not course.open:
+        return forces
+    with np.errstate(invalid="ignore"):
+        whole = forces.time + math.pi / forces.speed < course.open[0][0]
+    return replace(forces, fits=forces.fits & whole)
 
 
 def _without_steps(found: tuple[Event, ...], bonding: Bonding | None) -> tuple[Event, ...]:
