@@ -145,6 +145,23 @@ def test_voltages_and_codes_give_the_same_volts():
     assert np.allclose(code.film, volt.film, equal_nan=True)
 
 
+def test_volts_are_not_held_against_a_scale_that_nobody_stated():
+    recording = run_of(as_voltage=True, adc_reference=5.0, supply_voltage=5.0, divider_resistance=5e3)
+    conditions = {name: value for name, value in recording.conditions.items() if name != "adc_reference"}
+    piece = next(device_of(replace(recording, conditions=conditions)).pieces())
+    assert np.nanmax(piece.flex) > 3.3
+    assert piece.clipped is None
+    assert piece.film_clipped is None
+
+
+def test_an_id_too_short_and_a_time_that_does_not_know_of_losses_tell_no_speed():
+    recording = run_of(counter_bits=2, told={"counter_bits": None})
+    rows = recording.streams["device"].time.size
+    device = device_of(without(recording, "sample_index", time=np.arange(rows) / 12e3))
+    assert [finding.level for finding in device.quality] == ["error"]
+    assert "speeds and moments cannot be told" in device.quality[0].message
+
+
 def test_clipped_samples_are_no_numbers_and_are_told():
     piece = next(device_of(run_of(film_gain=1300.0)).pieces())
     assert piece.film_clipped.mean() > 0.01

@@ -12,46 +12,11 @@ from pipeline.errors import InputError, counted
 from pipeline.recording import QualityFinding, Recording, Stream
 from pipeline.rigs.tire.conditions import CONVERTER, DIVIDER, assumed
 from pipeline.rigs.tire.passages.layout import Layout, Loss, layout_of
+from pipeline.rigs.tire.passages.pieces import Gatherer, Piece
 
-# A silence from here on (s) is left out between two pieces instead of filled with NaN.
-_SILENCE = 10.0
-# So many equal codes at an end of the scale are clipped.
-_CLIPPED = 3
-# So many samples in a row at the highest or lowest volts of all are flat, where the scale of the converter is not stated.
-_FLAT = 20
 # So near to 0 V or to the supply the divider has lost its sensor.
 _OPEN = 0.005
 _TOLD = ("sample_rate", "frames_per_packet", "counter_bits", "gated")
-
-
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """A stretch of the log on the even grid.
-
-    Attributes
-    ----------
-    first, begins, rate
-        Number of its first sample, the moment of that (s), samples per second.
-    flex, film
-        V, shape (n,), NaN where lost or clipped; film None where there is none.
-    clipped
-        Whether the flex sensor was at an end of the scale, shape (n,); None where it never was.
-    film_clipped
-        The same of the film.
-    """
-
-    first: int
-    begins: float
-    rate: float
-    flex: np.ndarray
-    film: np.ndarray | None
-    clipped: np.ndarray | None = None
-    film_clipped: np.ndarray | None = None
-
-    @property
-    def time(self) -> np.ndarray:
-        """Moment of each sample, s, shape (n,)."""
-        return np.asarray(self.begins + np.arange(self.flex.size) / self.rate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +76,23 @@ class Device:
         """Yield the log piece by piece on the even grid; a silence of more than 10 s lies between two pieces."""
         names = [_name(self.stream, "flex")] + ([_name(self.stream, "pvdf")] if self.has_film else [])
         scale = [self.step if name.endswith("_code") else 1.0 for name in names]
-        gatherer = _Gatherer(self, max(int(seconds * self.rate), 1))
+        size = max(int(seconds * self.rate), 1)
+        gatherer = Gatherer(self.layout, self._scales(), size, stated=self.scale_known)
         row = 0
         for time, values in self.stream.blocks(names):
             volts = [factor * np.asarray(v, dtype=float) for v, factor in zip(values, scale, strict=True)]
             yield from gatherer.add(row, time.size, volts)
             row += time.size
         yield from gatherer.rest()
+
+    def _scales(self) -> list[tuple[float, float]]:
+        """Return least and highest volts of flex sensor and film: the converter's, and those that the divider can give."""
+        least, most = -math.inf, math.inf
+        if self.scale_known:
+            least, most = 0.5 * self.step, self.adc_full_scale - 1.5 * self.step
+        VIN = self.supply_voltage
+        flex = max(least, _OPEN * VIN), min(most, (1.0 - _OPEN) * VIN)
+        return [flex, (least, most)] if self.has_film else [flex]
 
 
 def device_of(recording: Recording) -> Device:
@@ -215,112 +190,3 @@ def _findings(run: str, layout: Layout) -> tuple[QualityFinding, ...]:
             )
         )
     return tuple(found)
-
-
-class _Gatherer:
-    """Puts rows on the grid; gives a piece when it is full or a long silence begins."""
-
-    def __init__(self, device: Device, size: int) -> None:
-        self._device, self._layout, self._size = device, device.layout, size
-        self._silence = int(_SILENCE * device.rate)
-        self._channels = 2 if device.has_film else 1
-        self._run = 0
-        self._first = 0
-        self._filled, self._begun = 0, False
-        self._buffer = np.full((self._channels, size), np.nan)
-
-    def add(self, row: int, rows: int, volts: list[np.ndarray]) -> Iterator[Piece]:
-        starts, places = self._layout.rows, self._layout.places
-        done = 0
-        while done < rows:
-            ends = int(starts[self._run + 1]) if self._run + 1 < starts.size else self._layout.size
-            if row + done >= ends:
-                self._run += 1
-                continue
-            place = int(places[self._run]) + row + done - int(starts[self._run])
-            count = min(ends - row - done, rows - done)
-            while count:
-                silent = place - self._first - self._filled > self._silence
-                if self._filled and silent:
-                    yield self._piece(place)
-                if not self._begun or silent:
-                    self._first, self._begun = place, True
-                while place >= self._first + self._size:
-                    yield self._piece(place)
-                at = place - self._first
-                if at < 0:  # Late, and its piece is given already.
-                    skipped = min(count, -at)
-                    place, done, count = place + skipped, done + skipped, count - skipped
-                    continue
-                now = min(count, self._size - at)
-                for channel, values in enumerate(volts):
-                    self._buffer[channel, at : at + now] = values[done : done + now]
-                self._filled = max(self._filled, at + now)
-                place, done, count = place + now, done + now, count - now
-
-    def rest(self) -> Iterator[Piece]:
-        if self._filled:
-            yield self._piece(self._first + self._filled)
-
-    def _piece(self, following: int) -> Piece:
-        """Return what is gathered; a short gap up to the sample `following` belongs to it."""
-        gap = following - self._first - self._filled
-        length = self._filled if gap > self._silence else min(self._filled + gap, self._size)
-        values, device = self._buffer[:, :length], self._device
-        if device.scale_known:
-            ends = [(0.5 * device.step, device.adc_full_scale - 1.5 * device.step)] * self._channels
-        else:
-            ends = [_flat_ends(row) for row in values]
-        ends[0] = (
-            max(ends[0][0], _OPEN * device.supply_voltage),
-            min(ends[0][1], (1.0 - _OPEN) * device.supply_voltage),
-        )
-        clipped = [_clipped(row, *end) for row, end in zip(values, ends, strict=True)]
-        for row, mask in zip(values, clipped, strict=True):
-            if mask is not None:
-                row[mask] = np.nan
-        piece = Piece(
-            self._first,
-            self._layout.begins + self._first / device.rate,
-            device.rate,
-            values[0],
-            values[1] if self._channels == 2 else None,
-            clipped[0],
-            clipped[1] if self._channels == 2 else None,
-        )
-        self._buffer = np.full((self._channels, self._size), np.nan)
-        self._first += length
-        self._filled = 0
-        return piece
-
-
-def _flat_ends(volts: np.ndarray) -> tuple[float, float]:
-    """Return below and above which volts are at an end of a scale that nobody stated: where they stay at their extreme."""
-    least, most = -math.inf, math.inf
-    valid = volts[np.isfinite(volts)]
-    if valid.size:
-        low, high = float(valid.min()), float(valid.max())
-        slack = 1e-6 * max(high - low, 1e-3)
-        if _longest(valid <= low + slack) >= _FLAT:
-            least = low + 2.0 * slack
-        if _longest(valid >= high - slack) >= _FLAT:
-            most = high - 2.0 * slack
-    return least, most
-
-
-def _longest(mask: np.ndarray) -> int:
-    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
-
-
-def _clipped(volts: np.ndarray, least: float, most: float) -> np.ndarray | None:
-    """Return which samples are beyond the ends of the scale, at least three in a row; None where there are none."""
-    at_end = (volts < least) | (volts > most)
-    if not at_end.any():
-        return None
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at_end, [False]]).astype(np.int8)))
-    begins, ends = edges[::2], edges[1::2]
-    mask = np.zeros(volts.size, dtype=bool)
-    for begin, end in zip(begins[ends - begins >= _CLIPPED], ends[ends - begins >= _CLIPPED], strict=True):
-        mask[begin:end] = True
-    return mask if mask.any() else None

@@ -97,11 +97,6 @@ class RevolutionFeatures:
         """Trailing dip less leading dip, ohm, shape (m,)."""
         return np.asarray(self.dip_trailing - self.dip_leading)
 
-    @property
-    def asymmetry_se(self) -> np.ndarray:
-        """Standard error of the asymmetry, ohm, shape (m,)."""
-        return np.asarray(np.hypot(self.dip_trailing_se, self.dip_leading_se))
-
 
 def revolution_features(revolutions: Revolutions, waveform: Waveform, R: float, highest: int) -> RevolutionFeatures:
     """Return the marks of each revolution.

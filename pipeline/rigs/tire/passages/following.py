@@ -8,9 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.rigs.tire.passages.chains import chains_of
-from pipeline.rigs.tire.passages.device import Device, Piece
+from pipeline.rigs.tire.passages.device import Device
 from pipeline.rigs.tire.passages.moments import Moments, moments_of
 from pipeline.rigs.tire.passages.peaks import coarse, humps_of, pointing, without_spikes
+from pipeline.rigs.tire.passages.pieces import Piece
 from pipeline.rigs.tire.passages.resistance import in_upper_leg
 from pipeline.rigs.tire.passages.revolutions import Revolutions, joined, none_of
 from pipeline.rigs.tire.passages.tables import Mounting, tabulated

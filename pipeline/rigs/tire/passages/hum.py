@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.rigs.tire.passages.blocks import block_means
-from pipeline.rigs.tire.passages.device import Piece
 from pipeline.rigs.tire.passages.moments import Moments
+from pipeline.rigs.tire.passages.pieces import Piece
 from pipeline.rigs.tire.passages.template import FINE
 
 _MAINS = (50.0, 60.0)

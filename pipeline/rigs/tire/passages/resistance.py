@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.rigs.tire.ring.sensor import divider_resistance, divider_voltage
+from pipeline.rigs.tire.ring.sensor import divider_resistance
 
 
 def from_volts(volts: np.ndarray, VIN: float, R1: float, flipped: bool) -> np.ndarray:
     """Return R2, ohm; `flipped` where the sensor is in the upper leg, so that V = VIN R1/(R1 + R2)."""
     return divider_resistance(VIN - volts if flipped else volts, VIN, R1)
-
-
-def to_volts(R2: np.ndarray, VIN: float, R1: float, flipped: bool) -> np.ndarray:
-    """Return the voltage of R2 (ohm), V: the inverse of `from_volts`."""
-    V = divider_voltage(R2, VIN, R1)
-    return VIN - V if flipped else V
 
 
 def in_upper_leg(waveform: np.ndarray, VIN: float, R1: float) -> bool:

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.rigs.tire.passages.device import Device, Piece
+from pipeline.rigs.tire.passages.device import Device
 from pipeline.rigs.tire.passages.hum import mains_hum
 from pipeline.rigs.tire.passages.loops import in_bins
 from pipeline.rigs.tire.passages.moments import Moments, mean_by_angle
 from pipeline.rigs.tire.passages.order_tracking import monotone_slopes
+from pipeline.rigs.tire.passages.pieces import Piece
 from pipeline.rigs.tire.passages.resistance import from_volts
 from pipeline.rigs.tire.passages.revolutions import BINS, Revolutions
 from pipeline.rigs.tire.passages.template import FINE, Template, from_bins, from_values, mean_of

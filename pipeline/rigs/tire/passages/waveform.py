@@ -75,11 +75,6 @@ class Waveform:
         """R2 less its mean over the revolution, ohm, shape (BINS,)."""
         return np.asarray(self.mean - np.nanmean(bridged(self.mean)))
 
-    @property
-    def covered(self) -> float:
-        """Share of the angles at which there are samples."""
-        return float(np.mean(self.count > 0))
-
     def shape(self, highest: int) -> Shape:
         """Return the change of R2 as harmonics up to `highest`."""
         return change_shape(self.mean, highest)
