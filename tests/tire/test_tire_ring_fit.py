@@ -270,3 +270,41 @@ def test_weights_are_smooth_and_zero_in_gaps():
     w = weights(replace(run, std_error=se))
     assert w[50] == 0.0
     assert np.std(w[w > 0]) < 0.12
+
+
+def _scattering(by, seed):
+    """Return runs whose load, gain and pressure differ from what is told by draws of `by`, unseen."""
+    rng = np.random.default_rng((seed, 5))
+    found = []
+    for point in (*LOADS, *SPEEDS):
+        gain, more, pressure = 1.0 + by * rng.standard_normal(3)
+        truth = replace(TRUTH, sensor_gain=TRUTH.sensor_gain * gain, belt_width=TRUTH.belt_width * pressure)
+        (run,) = _runs((((point[0] * more), point[1]),), seed=int(rng.integers(1 << 30)), truth=truth)
+        found.append(replace(run, run=f"{point}", load=point[0], nominal_load=point[0]))
+    return found
+
+
+def test_runs_that_differ_unseen_widen_the_errors_to_hold_the_truth():
+    z, alone = [], []
+    for seed in range(2):
+        runs = _scattering(0.002, seed)
+        plain, found = fit_ring(runs, KNOWN), fit_ring(runs, KNOWN, scattered=True)
+        assert found.scatter == pytest.approx(0.002, rel=0.6)
+        assert judged(found).level == "doubt"
+        assert "from run to run" in judged(found).statement
+        for one, into in ((found, z), (plain, alone)):
+            into += [(getattr(one.values, n) - getattr(TRUTH, n)) / one.std_error(n, combined=False) for n in NAMES]
+    assert np.abs(z).max() < 3.0 < np.abs(alone).max()
+
+
+def test_runs_that_are_alike_are_not_taken_to_differ(fit):
+    found = fit_ring(_runs(), KNOWN, scattered=True)
+    assert found.scatter < 2e-4
+    assert found.std_error("bending_stiffness", False) < 2.0 * fit.std_error("bending_stiffness", False)
+
+
+def test_a_negative_lag_is_not_told(fit):
+    wrong = replace(fit, values=replace(fit.values, sensor_lag=-1e-3))
+    value = told(wrong, judged(fit))["sensor_lag"]
+    assert value.value is None
+    assert "negative" in value.reason
