@@ -42,7 +42,8 @@ def _forces(drives: Sequence[dict[str, object]]) -> str:
         "pressure that the drive states, was pressed on a flat road at loads from zero to beyond those of the drive; its curvature, averaged "
         "over the sensor's length and lagged, is a library over load and force. Each revolution was fitted by Gauss-Newton in the divider's "
         "voltage for load, force, angle and resistance, weighted by the spectrum of what earlier fits left over, so that its standard errors "
-        "hold under coloured road noise. The mean of a revolution is the sensor's resistance at rest: slow drift of it falls out."
+        "hold under coloured road noise; where neighbouring revolutions scatter by more than these explain (a body that moves while the "
+        "patch passes), the errors of the longitudinal force are widened to that scatter. The mean of a revolution is the sensor's resistance at rest: slow drift of it falls out."
     )
 
 
@@ -51,7 +52,8 @@ def _errors() -> str:
         "What the bench leaves uncertain (covariance of its ring fit; load cell, pressure and sensor length as type B) and the pressure of the "
         "drive were carried through the same fit; they move all revolutions together and stand in every standard error of load and force "
         "in `revolutions.parquet`, apart from the random part in `evidence.parquet`. What other pressures do to the foundation is not known and "
-        "adds a share of the correction."
+        "adds a share of the correction. What the ring leaves of the mean waveform, and a gain that leaves that of the film, are added: "
+        "nothing is corrected by them, and where the gain is more than a tenth too low load and force are withheld."
     )
 
 
@@ -68,7 +70,7 @@ def _tracks(findings: Findings) -> str:
 
 def _checks(forces: bool) -> str:
     said = (
-        "Events are where the load leaves its running median, or the force zero, by more than the set multiple of a robust standard "
+        "Events are where the load leaves its running median, or the force that of steady rolling at that speed, by more than the set multiple of a robust standard "
         "deviation for two revolutions or more; their time is the centre. "
         if forces
         else ""

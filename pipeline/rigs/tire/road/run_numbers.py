@@ -14,7 +14,8 @@ from pipeline.rigs.tire.passages.device import Device, device_of
 from pipeline.rigs.tire.passages.passage_faults import Course, course_of, passage_findings
 from pipeline.rigs.tire.passages.revolutions import Revolutions, revolutions_of
 from pipeline.rigs.tire.road.asymmetry import Asymmetry, AsymmetrySum
-from pipeline.rigs.tire.road.carried_errors import calibrated, parts
+from pipeline.rigs.tire.road.carried_errors import calibrated
+from pipeline.rigs.tire.road.common_errors import Common, causes_of, common_errors
 from pipeline.rigs.tire.road.debonding import Bonding, Step, debonding
 from pipeline.rigs.tire.road.declaration import RoadSettings
 from pipeline.rigs.tire.road.event_centre import VERTICAL, Event
@@ -29,10 +30,9 @@ from pipeline.rigs.tire.road.record import References, references_of
 from pipeline.rigs.tire.road.reference import Comparison, ReferenceTable, compare, own_direction
 from pipeline.rigs.tire.road.revolution_fit import OTHER_GAIN, REASONS, Forces, RevolutionFit, joined
 from pipeline.rigs.tire.road.rotation_only import without_forces
-from pipeline.rigs.tire.road.shape_causes import ShapeCauses, shape_causes
+from pipeline.rigs.tire.road.shape_causes import ShapeCauses
 from pipeline.rigs.tire.road.shape_error import ShapeError
 from pipeline.rigs.tire.road.steady_steps import in_step
-from pipeline.rigs.tire.road.systematic import systematic
 from pipeline.rigs.tire.road.tracking import Track, track
 
 _BENCH = "bench"
@@ -53,26 +53,6 @@ REVERSED = (
     "driving makes the trailing dip deeper, not the leading one, or the wheel seems to brake at constant speed: rotation sense or sign of "
     "Fx reversed (a sensor or tire mounted the other way, a log that runs backward, or a reference with the other sign)"
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Common:
-    """What is uncertain of all revolutions of a drive alike.
-
-    Attributes
-    ----------
-    load_sd, force_sd
-        Standard uncertainties, N, shape (m,) each.
-    gain_to_load
-        What 1 % more gain of the sensor makes of the load at its median, N.
-    sources
-        By source: standard uncertainty of load and of force at the median of the drive, N.
-    """
-
-    load_sd: np.ndarray
-    force_sd: np.ndarray
-    gain_to_load: float
-    sources: Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,8 +211,8 @@ def numbers_of(
     forces = with_scatter(forces)
     references = references_of(recording)
     shape = fit.shape_error if fit is not None else None
-    causes = _causes(known, forces, shape)
-    common = _common(held, known, forces, off, shape, causes)
+    causes = causes_of(known, forces, shape)
+    common = common_errors(held, known, forces, off, shape, causes)
     radius = held.radius
     compared = _compared(forces, references, held, device)
     turning = rotation_known(forces)
@@ -301,57 +281,6 @@ def _no_passage(device: Device, course: Course) -> str:
     ]
     why = f" {told[0]}" if told else ""
     return f"no passage of the sensor through the contact patch is in this log: nothing can be told of the drive.{why}"
-
-
-def _causes(known: WaveformLibrary | None, forces: Forces, shape: ShapeError | None) -> ShapeCauses:
-    fits = forces.fits
-    if known is None or shape is None or not fits.any():
-        return ShapeCauses(())
-    load, speed, R0 = (float(np.median(v[fits])) for v in (forces.load, forces.speed, forces.resistance))
-    return shape_causes(known, shape, load, speed, R0)
-
-
-def _common(
-    held: Carried,
-    known: WaveformLibrary | None,
-    forces: Forces,
-    off: np.ndarray,
-    shape: ShapeError | None,
-    causes: ShapeCauses,
-) -> Common:
-    """Return what the bench leaves uncertain of all revolutions alike."""
-    if known is None or held.tire is None or not forces.fits.any():
-        nothing = np.full(len(forces), math.nan)
-        return Common(nothing, nothing, math.nan, {})
-    errors = systematic(known, forces.speed[forces.fits], float(np.median(forces.resistance[forces.fits])))
-    state = (forces.load, forces.force, forces.speed)
-    middle = tuple(np.array([np.median(values[forces.fits])]) for values in state)
-    share = held.tire.correction_u
-    sources = {"correction for another pressure": tuple(share * abs(float(value[0])) for value in middle[:2])}
-    for source, covariance in parts(held.tire).items():
-        part = replace(errors, covariance=covariance)
-        sources[source] = float(part.load_sd(*middle)[0]), float(part.force_sd(*middle)[0])
-    per_percent = abs(float(errors.gain_to_load(float(middle[0][0]))))
-    by_gain = 100.0 * per_percent * np.abs(off) * forces.load / float(middle[0][0])
-    if np.median(np.abs(off[forces.fits])) > 0.0:
-        typical = float(np.median(np.abs(off[forces.fits])))
-        sources["gain against the film"] = 100.0 * per_percent * typical, typical * abs(float(middle[1][0]))
-    by_shape, aside = (shape.load_sd, shape.force_sd) if shape is not None else (0.0, 0.0)
-    typical_load = float(middle[0][0])
-    by_shape = max(by_shape, causes.load_sd / typical_load)
-    aside = max(aside, causes.force_sd / typical_load)
-    sources["shape that is not the ring's"] = by_shape * typical_load, aside * typical_load
-    return Common(
-        np.sqrt(errors.load_sd(*state) ** 2 + (share * forces.load) ** 2 + by_gain**2 + (by_shape * forces.load) ** 2),
-        np.sqrt(
-            errors.force_sd(*state) ** 2
-            + (share * forces.force) ** 2
-            + (off * forces.force) ** 2
-            + (aside * forces.load) ** 2
-        ),
-        per_percent,
-        {source: (load, force) for source, (load, force) in sources.items() if max(load, force) > 0.0},
-    )
 
 
 def rotation_known(forces: Forces) -> np.ndarray:

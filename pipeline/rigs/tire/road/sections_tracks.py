@@ -184,7 +184,7 @@ def event_table(findings: Findings, run: str) -> list[Table]:
         Table(
             f"events_{run}",
             f"Run {run}: events",
-            "Where the load leaves its running median, or the longitudinal force zero, for two revolutions or more. A steering "
+            "Where the load leaves its running median, or the longitudinal force that of steady rolling, for two revolutions or more. A steering "
             "correction and a bump cannot be told apart by one tire: both are vertical.",
             [Column("event"), Column("kind"), Column("centre", "s"), Column("length", "s"), Column("largest change", "N"),
              Column("revolutions"), Column("")],
