@@ -130,7 +130,7 @@ def device_of(recording: Recording) -> Device:
         on_road=recording.conditions.get("bench_or_road", "road" if "vehicle_speed" in recording else "") == "road",
         sensor_resistance=None if R0 is None else float(R0),
         loss=layout.loss,
-        quality=_findings(recording.run, layout),
+        quality=(*_findings(recording.run, layout), *_film_elsewhere(recording, stream)),
         layout=layout,
         stream=stream,
         assumed=assumed(recording.conditions, name == "flex_code"),
@@ -139,6 +139,17 @@ def device_of(recording: Recording) -> Device:
 
 def _name(stream: Stream, sensor: str) -> str:
     return f"{sensor}_code" if f"{sensor}_code" in stream.channels else f"{sensor}_voltage"
+
+
+def _film_elsewhere(recording: Recording, stream: Stream) -> tuple[QualityFinding, ...]:
+    """Say that a film which is not in the table of the flex sensor is not used."""
+    name = next((n for n in ("pvdf_code", "pvdf_voltage") if n in recording and n not in stream.channels), None)
+    if name is None or _name(stream, "pvdf") in stream.channels:
+        return ()
+    said = (
+        f"{name} is not in the table of the flex sensor ('{stream.name}') and has another time: the film is not used."
+    )
+    return (QualityFinding("warning", said, recording.run, name),)
 
 
 def _findings(run: str, layout: Layout) -> tuple[QualityFinding, ...]:

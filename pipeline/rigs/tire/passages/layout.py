@@ -173,6 +173,8 @@ class _Grid:
     def add(self, time: np.ndarray, index: np.ndarray | None, counter: np.ndarray | None) -> None:
         """Place the next rows."""
         elapsed = np.diff(time, prepend=self._last[0]) * self.rate
+        if counter is not None and self.bits:
+            counter = _carried(counter, self._count)
         self._strayed = np.zeros(time.size, dtype=bool)
         packets = None
         if self.by == "sample_index" and index is not None:
@@ -321,6 +323,15 @@ class _Grid:
         slept = gap - told > 1.5 * self.frames
         self._slept += int(slept.sum())
         self._lost += int(np.minimum(told, gap)[slept].sum()) + int(gap[~slept].sum())
+
+
+def _carried(values: np.ndarray, before: float) -> np.ndarray:
+    """Return the values with NaN as the last number ahead of it; `before` is that of the row before the first."""
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    last = np.maximum.accumulate(np.where(known, np.arange(values.size), -1))
+    return np.where(last < 0, before, values[last])
 
 
 def _since(new: np.ndarray, inside: int) -> np.ndarray:
