@@ -13,6 +13,7 @@ from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.tire.passages.device import Device, device_of
 from pipeline.rigs.tire.passages.passage_faults import Course, course_of, passage_findings
 from pipeline.rigs.tire.passages.revolutions import Revolutions, revolutions_of
+from pipeline.rigs.tire.road.against_vehicle import compared_with, direction_of
 from pipeline.rigs.tire.road.asymmetry import Asymmetry, AsymmetrySum
 from pipeline.rigs.tire.road.carried_errors import calibrated
 from pipeline.rigs.tire.road.common_errors import Common, causes_of, common_errors
@@ -27,7 +28,7 @@ from pipeline.rigs.tire.road.library import WaveformLibrary, library
 from pipeline.rigs.tire.road.neighbour_scatter import with_scatter
 from pipeline.rigs.tire.road.noise_spectrum import NoiseSpectrum
 from pipeline.rigs.tire.road.record import References, references_of
-from pipeline.rigs.tire.road.reference import Comparison, ReferenceTable, compare, own_direction
+from pipeline.rigs.tire.road.reference import Comparison
 from pipeline.rigs.tire.road.revolution_fit import OTHER_GAIN, REASONS, Forces, RevolutionFit, joined
 from pipeline.rigs.tire.road.rotation_only import without_forces
 from pipeline.rigs.tire.road.shape_causes import ShapeCauses
@@ -41,9 +42,6 @@ Progress = Callable[[float], None]
 _OFF = 0.9
 # R0 that differs from the bench's by more is no matter of temperature.
 _OTHER_RESISTANCE = 0.10
-# Accelerations (m/s^2) at which a wheel neither drives nor brakes, and the share of the load that rolling resistance
-# and wind never reach: half of what hysteresis makes of a mirrored waveform (2 r/s = 0.15, tire.md 3.5).
-_STEADY, _ROLLING = 0.3, 0.07
 _FEW = 0.2
 # A reference that seems so many seconds off is not compared.
 _APART = 0.1
@@ -214,7 +212,7 @@ def numbers_of(
     causes = causes_of(known, forces, shape)
     common = common_errors(held, known, forces, off, shape, causes)
     radius = held.radius
-    compared = _compared(forces, references, held, device)
+    compared = compared_with(forces, references, held, device)
     turning = rotation_known(forces)
     return RunNumbers(
         run=recording.run,
@@ -232,7 +230,7 @@ def numbers_of(
         bonding=bonding,
         references=references,
         comparison=compared,
-        direction=_direction(forces, compared, radius.value),
+        direction=direction_of(forces, compared, radius.value),
         asymmetry=asymmetry,
         noise=fit.noise if fit is not None else None,
         shape_error=shape,
@@ -391,42 +389,3 @@ def _other_gain(forces: Forces) -> str:
         f"the flex sensor answers {100.0 * (share - 1.0):+.0f} % against the PVDF film compared with the bench: its gain, or its bond, "
         "is not that of the bench. Glue it anew and calibrate it again."
     )
-
-
-def _braked_at_constant_speed(forces: Forces, radius: float) -> bool:
-    """Whether the wheel seems to brake hard at constant speed: hysteresis does that to a waveform that runs backward."""
-    known = forces.fits & np.isfinite(forces.speed)
-    if known.sum() < _FEWEST or not math.isfinite(radius):
-        return False
-    acceleration = np.gradient(radius * forces.speed[known], forces.time[known])
-    steady = np.abs(acceleration) < _STEADY
-    share = forces.force[known][steady] / forces.load[known][steady]
-    return bool(steady.sum() >= _FEWEST and np.median(share) < -_ROLLING)
-
-
-def _direction(forces: Forces, compared: Comparison | None, radius: float) -> str:
-    told = compared.direction if compared is not None else own_direction(forces, radius)[0]
-    return "wrong" if _braked_at_constant_speed(forces, radius) else told
-
-
-def _compared(forces: Forces, references: References, held: Carried, device: Device) -> Comparison | None:
-    """Hold the drive against its reference channels."""
-    channels = {
-        name: channel
-        for name, channel in (
-            ("load", references.get("vertical_load")),
-            ("force", references.get("longitudinal_force")),
-            ("speed", references.speed),
-            ("acceleration", references.get("longitudinal_acceleration")),
-        )
-        if channel is not None and channel.time.size > 1
-    }
-    if not channels:
-        return None
-    time = max((channel.time for channel in channels.values()), key=len)
-    on = {
-        name: np.interp(time, channel.time, channel.values, left=math.nan, right=math.nan)
-        for name, channel in channels.items()
-    }
-    table = ReferenceTable(time, on.get("load"), on.get("force"), on.get("speed"), on.get("acceleration"))
-    return compare(forces, table, held.radius.value, device.span[1] - device.span[0])
