@@ -56,7 +56,7 @@ def _compare_clocks(found: Campaign) -> None:
         return
     found.radius_u, found.clock_u = max(found.radius_u, abs(off)), max(found.clock_u, abs(off))
     text = (
-        f"the transmitter's log lasts {100 * off:+.2f} % longer than the bench's table in every run, whatever its length: one of the two clocks is off "
+        f"the transmitter's log lasts {100 * abs(off):.2f} % {'longer' if off > 0.0 else 'shorter'} than the bench's table in every run, whatever its length: one of the two clocks is off "
         "(sample_rate, or the stamps of the bench). Rolling radius and all times are taken to be that uncertain. Check sample_rate"
     )
     found.findings.append(QualityFinding("warning", text))

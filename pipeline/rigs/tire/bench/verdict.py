@@ -121,6 +121,11 @@ def _ring(said: Judgement, found: Campaign) -> None:
 def _speed(said: Judgement, found: Campaign) -> None:
     if found.line is None:
         return
+    if found.clock_u and not found.line.suspicion:
+        said.warn(
+            f"Re = {found.radius:.4f} m, {100.0 * found.radius_u:.1f} % uncertain (standard error): speed, clock or tire size are in doubt, see there."
+        )
+        return
     off = np.isfinite(found.line.p_value) and found.line.p_value < 0.01
     tell = said.warn if found.line.suspicion or off else said.reasons.append
     tell(ended(found.line.statement))
