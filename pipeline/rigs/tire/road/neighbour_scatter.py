@@ -35,7 +35,7 @@ def with_scatter(forces: Forces) -> Forces:
         return forces
     excess = _excess(forces.time[at], forces.force[at], forces.force_se[at])
     factor = np.ones(len(forces))
-    factor[at] = np.sqrt(1.0 + np.maximum(excess - _CHANCE, 0.0))
+    factor[at] = np.sqrt(1.0 + np.where(excess > 2.0 * _CHANCE, excess - 0.5 * _CHANCE, 0.0))
     return replace(forces, force_se=forces.force_se * factor, correlation=forces.correlation / factor)
 
 
