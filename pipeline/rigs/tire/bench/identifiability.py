@@ -21,6 +21,8 @@ _LEAST = {"loss_factor": 0.02, "sensor_lag": 2e-4}
 _FEWEST_SPEEDS = 2
 # A number that cannot be negative is not told where it is, by more standard errors than this.
 _BELOW = 2.0
+# What loads that were only set leave of the contact length (relative).
+_SET_U = 0.012
 # How far (in logarithms) the belt's width may be from what was expected.
 _WIDTH = 0.3
 _G0 = 9.80665
@@ -49,6 +51,11 @@ def refusal(fit: RingFit, verdict: RingVerdict, name: str) -> str:
         return (
             f"the fit ends at a bound of {name}; the runs do not determine it. Check loads, pressure and sensor length, or "
             "measure over a wider range of loads."
+        )
+    if fit.known.loads_set and name in _SCALE:
+        return (
+            "the loads were set and not measured: an error of half a per cent between them, which the waveforms do not show, moves all stiffnesses and "
+            "the sensor's gain together by several. Log the load cell."
         )
     if fit.scale_held and name in _SCALE:
         return (
@@ -93,7 +100,10 @@ def contact_lengths(fit: RingFit, verdict: RingVerdict) -> tuple[Estimate, ...]:
             if fit.scale_held
             else ""
         )
-        found[key] = estimate("contact_length", run.contact_length, run.contact_length_se, at=at, reason=remark)
+        # The length goes with the load to the power 0.6, told for a load that is not known better than that.
+        unknown = _SET_U * run.contact_length if fit.known.loads_set else 0.0
+        error = math.hypot(run.contact_length_se, unknown)
+        found[key] = estimate("contact_length", run.contact_length, error, at=at, reason=remark)
     return tuple(found.values())
 
 

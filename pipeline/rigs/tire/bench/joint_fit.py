@@ -10,7 +10,7 @@ from pipeline.errors import InputError, listing
 from pipeline.recording import QualityFinding
 from pipeline.rigs.tire.bench.bench_run import BenchRun
 from pipeline.rigs.tire.bench.campaign import Campaign
-from pipeline.rigs.tire.bench.reference import HEIGHT
+from pipeline.rigs.tire.bench.reference import HEIGHT, LOAD
 from pipeline.rigs.tire.bench.ring_fit import fit_ring
 from pipeline.rigs.tire.bench.ring_run import Known, RingRun, noise_error
 from pipeline.rigs.tire.bench.ring_verdict import judged
@@ -54,6 +54,7 @@ def fit_rings(found: Campaign) -> None:
         pressure_u=tire.pressure_u,
         load_gain_u=tire.load_gain_u,
         outer_radius_u=found.free_radius_u,
+        loads_set=any(LOAD not in found.run(run.run).reference.means for run in runs),
     )
     try:
         found.ring = fit_ring(runs, known)

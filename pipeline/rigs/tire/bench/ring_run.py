@@ -72,6 +72,9 @@ class Known:
         stiffnesses where the loads do not.
     pressure_u, load_gain_u
         Of the inflation pressure and of the load cell's gain, common to all runs.
+    loads_set
+        Whether loads of the runs are those that were set, not measured: the differences between them are then too uncertain
+        to tell the scale of the stiffnesses.
     """
 
     R: float
@@ -84,6 +87,7 @@ class Known:
     pressure_u: float = 0.01
     load_gain_u: float = 0.005
     outer_radius_u: float = 0.0
+    loads_set: bool = False
 
 
 def incoherent_error(theta: np.ndarray, mean: np.ndarray, groups: np.ndarray) -> np.ndarray | None:
