@@ -13,7 +13,7 @@ from pipeline.ingest.mcap_log import writer as mcap_writer
 
 
 def synthesize(recipe: Recipe, folder: Path, seed: int) -> list[Path]:
-    """Write one log a run into `folder`, the formats of the recipe in turn; what stood there is replaced."""
+    """Write the log of each run into `folder`, the formats of the recipe in turn; what stood there is replaced."""
     recordings = recipe.experiment.synthesize(recipe.synthetic.truth, seed)
     fresh = folder.with_name(f".{folder.name}.partial")
     shutil.rmtree(fresh, ignore_errors=True)
@@ -26,10 +26,10 @@ def synthesize(recipe: Recipe, folder: Path, seed: int) -> list[Path]:
         kind = formats[number % len(formats)]
         path = fresh / f"{recording.run}.{kind}"
         if kind == "csv":
-            write_csv(recording, path, units)
+            names += [file.name for file in write_csv(recording, path, units)]
         else:
             mcap_writer.write(recording, path)
-        names.append(path.name)
+            names.append(path.name)
     shutil.rmtree(folder, ignore_errors=True)
     fresh.replace(folder)
     return [folder / name for name in names]
