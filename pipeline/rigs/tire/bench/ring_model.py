@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -318,7 +319,7 @@ class RingModel:
         beside = waves[[NAMES.index("sensor_gain"), NAMES.index("belt_width")]] if self.scatter > 0.0 else waves[:0]
         return np.concatenate([wave[None, :], waves, uneven, beside])
 
-    def changed(self, **known: float) -> RingModel:
+    def changed(self, **known: Any) -> RingModel:
         """Return the same model with other values of what is known (`Known`)."""
         return RingModel(self.runs, replace(self.known, **known), self.scatter)
 
