@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from pipeline.findings import Quality
 from pipeline.recording import QualityFinding
-from pipeline.rigs.mre.judgement import Judgement
+from pipeline.rigs.judgement import Judgement
 
 
 @dataclass

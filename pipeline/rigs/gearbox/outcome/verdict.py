@@ -9,11 +9,10 @@ ok        none of these.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 from pipeline.errors import counted, listing
 from pipeline.estimation.uncertainty import t_quantile
-from pipeline.findings import Parameter, Verdict
+from pipeline.findings import Parameter
 from pipeline.recording import QualityFinding
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
@@ -21,6 +20,7 @@ from pipeline.rigs.gearbox.load.inertia import unit_mistake
 from pipeline.rigs.gearbox.outcome.core_numbers import missing
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers
+from pipeline.rigs.judgement import Judgement
 
 _TOLD = 4
 # Slope of the torque map that a bench can have (section 5.6).
@@ -31,25 +31,6 @@ _NO_GAIN = (0.12, 3.0)
 _VAGUE = 0.1
 # Inertias that differ by less are one; shaft, coupling and brake disc add up to the second share to a flywheel.
 _ALIKE, _MORE = 0.05, 0.25
-
-
-@dataclass
-class Judgement:
-    """Verdict, reasons, advice."""
-
-    verdict: Verdict = "ok"
-    reasons: list[str] = field(default_factory=list)
-    advice: list[str] = field(default_factory=list)
-
-    def warn(self, reason: str) -> None:
-        """Warn, for that reason."""
-        self.verdict = "warning" if self.verdict == "ok" else self.verdict
-        self.reasons.append(reason)
-
-    def reject(self, reason: str) -> None:
-        """Reject, for that reason, which comes first."""
-        self.verdict = "rejected"
-        self.reasons.insert(0, reason)
 
 
 def judge(

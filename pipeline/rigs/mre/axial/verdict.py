@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 
 from pipeline.errors import counted, listing
 from pipeline.estimation.estimate import Estimate
+from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.mre.axial.levels import Current, Level
 from pipeline.rigs.mre.axial.run_fit import RunFit
-from pipeline.rigs.mre.judgement import Judgement
 
 _FEW_TOLD = 4
 _SCATTERED = 0.01

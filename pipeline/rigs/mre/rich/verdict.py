@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.errors import listing
-from pipeline.rigs.mre.judgement import Judgement
+from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.mre.rich.agreement import say_gain
 from pipeline.rigs.mre.rich.comparison import Comparison, symbol
 from pipeline.rigs.mre.rich.excitation import advice_for

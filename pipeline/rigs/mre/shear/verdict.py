@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from pipeline.errors import listing
-from pipeline.rigs.mre.judgement import Judgement
+from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.time_fit import TimeFit
 from pipeline.rigs.mre.model.variants import REJECTED_BEYOND

@@ -78,7 +78,7 @@ def _without_the_worst(found: Campaign, runs: list[RingRun], known: Known) -> No
         worst = max(ring.runs, key=lambda run: run.band_chi2_reduced).run
         out.append(worst)
         left = [run for run in left if run.run != worst]
-        ring = fit_ring(left, known, ring.values)
+        ring = fit_ring(left, known, near=ring.values)
         verdict = judged(ring)
         if verdict.fits:
             found.ring, found.verdict = ring, verdict
@@ -97,7 +97,7 @@ def _scattered(found: Campaign, runs: list[RingRun], known: Known) -> None:
     if found.ring is None:
         return
     used = {run.run for run in found.ring.runs}
-    ring = fit_ring([run for run in runs if run.run in used], known, found.ring.values, scattered=True)
+    ring = fit_ring([run for run in runs if run.run in used], known, near=found.ring.values, scattered=True)
     verdict = judged(ring)
     if ring.scatter > 0.0 and verdict.fits:
         found.ring, found.verdict = ring, verdict

@@ -38,7 +38,12 @@ _EDGE = 0.03
 
 
 def fit_ring(
-    runs: Sequence[RingRun], known: Known, start: Unknowns | None = None, *, scattered: bool = False
+    runs: Sequence[RingRun],
+    known: Known,
+    start: Unknowns | None = None,
+    *,
+    near: Unknowns | None = None,
+    scattered: bool = False,
 ) -> RingFit:
     """Fit ring, tread and sensor to all runs at once.
 
@@ -50,6 +55,8 @@ def fit_ring(
         What is not fitted, and priors.
     start
         Other than the usual one.
+    near
+        Where a fit of nearly the same runs ended: the search begins there and nowhere else.
     scattered
         Whether load, sensor gain and pressure may differ from run to run by more than their noise, as on real benches; by
         how much is found from the runs themselves (`run_scatter`).
@@ -77,10 +84,10 @@ def fit_ring(
     scale_held = loads < 3 and not heights and known.belt_width_u is None
     prior = _GUESS_U if scale_held else known.belt_width_u
     model = RingModel(used, Known(**{**vars(known), "belt_width": b, "belt_width_u": prior}))
-    x, at_bound, converged = _searched(model, start or _start(known, b, used))
+    x, at_bound, converged = _searched(model, near or start or _start(known, b, used), near is not None)
     if scattered and (scatter := run_scatter(model, x)) > 0.0:
         model = RingModel(used, model.known, scatter)
-        x, at_bound, converged = _searched(model, unknowns_at(x[: len(NAMES)]))
+        x, at_bound, converged = _searched(model, unknowns_at(x[: len(NAMES)]), True)
     return _result(model, known, x, at_bound, converged, (loads, speeds), left_out, scale_held)
 
 
@@ -118,10 +125,13 @@ def _start(known: Known, b: float, runs: Sequence[RingRun]) -> Unknowns:
     return Unknowns(**{**vars(_START), **scaled, "belt_width": b, "sensor_length": known.sensor_length})
 
 
-def _searched(model: RingModel, first: Unknowns) -> tuple[np.ndarray, tuple[str, ...], bool]:
-    """Return the best end point, which names are at a bound there, and whether the search converged."""
+def _searched(model: RingModel, first: Unknowns, near: bool) -> tuple[np.ndarray, tuple[str, ...], bool]:
+    """Return the best end point, which names are at a bound there, and whether the search converged.
+
+    Where `first` is not known to be near the end, a poor end is tried from other starts too.
+    """
     best: tuple[float, np.ndarray, tuple[str, ...], bool] | None = None
-    for factors in ((1.0, 1.0, 1.0, 1.0), *_OTHER_STARTS):
+    for factors in ((1.0, 1.0, 1.0, 1.0), *(() if near else _OTHER_STARTS)):
         moved = {n: getattr(first, n) * f for n, f in zip(_STIFFNESSES, factors, strict=True)}
         start = Unknowns(**{**vars(first), **moved})
         try:

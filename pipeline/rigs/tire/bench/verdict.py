@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.errors import counted, listing
-from pipeline.findings import Parameter, Verdict
+from pipeline.findings import Parameter
 from pipeline.recording import QualityFinding
+from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.tire.bench.campaign import Campaign
 from pipeline.rigs.tire.bench.declaration import PARAMETERS
 from pipeline.rigs.tire.bench.identifiability import statements
@@ -31,25 +31,6 @@ CORE = (
     "calibration_2",
 )  # fmt: skip
 _WORDS = {spec.name: spec.name.replace("_", " ") for spec in PARAMETERS}
-
-
-@dataclass
-class Judgement:
-    """Verdict, reasons, advice."""
-
-    verdict: Verdict = "ok"
-    reasons: list[str] = field(default_factory=list)
-    advice: list[str] = field(default_factory=list)
-
-    def warn(self, reason: str) -> None:
-        """Warn, for that reason."""
-        self.verdict = "warning" if self.verdict == "ok" else self.verdict
-        self.reasons.append(reason)
-
-    def reject(self, reason: str) -> None:
-        """Reject, for that reason, which comes first."""
-        self.verdict = "rejected"
-        self.reasons.insert(0, reason)
 
 
 def judge(

@@ -8,37 +8,17 @@ ok        none of these.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.errors import counted
-from pipeline.findings import Verdict
 from pipeline.recording import QualityFinding
+from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.tire.road.faults import FAR_ABOVE, OTHER_RATIO
 from pipeline.rigs.tire.road.handed_over import Chosen
 from pipeline.rigs.tire.road.run_numbers import RunNumbers
 
 _TOLD = 5
-
-
-@dataclass
-class Judgement:
-    """Verdict, reasons, advice."""
-
-    verdict: Verdict = "ok"
-    reasons: list[str] = field(default_factory=list)
-    advice: list[str] = field(default_factory=list)
-
-    def warn(self, reason: str) -> None:
-        """Warn, for that reason."""
-        self.verdict = "warning" if self.verdict == "ok" else self.verdict
-        self.reasons.append(reason)
-
-    def reject(self, reason: str) -> None:
-        """Reject, for that reason, which comes first."""
-        self.verdict = "rejected"
-        self.reasons.insert(0, reason)
 
 
 def judge(

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.errors import listing
-from pipeline.findings import Verdict
 from pipeline.recording import QualityFinding
+from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.tpjb.rotating.consistency import Consistency
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.group import LoadGroup
@@ -25,26 +24,6 @@ from pipeline.rigs.tpjb.rotating.parameters import of_clearance
 
 _TOLD = 4
 _NEAR_FOLD = 0.15
-
-
-@dataclass
-class Judgement:
-    """Verdict, reasons, advice."""
-
-    verdict: Verdict = "ok"
-    reasons: list[str] = field(default_factory=list)
-    advice: list[str] = field(default_factory=list)
-
-    def warn(self, reason: str) -> None:
-        """Warn, for that reason."""
-        if self.verdict == "ok":
-            self.verdict = "warning"
-        self.reasons.append(reason)
-
-    def advise(self, text: str) -> None:
-        """Give advice once."""
-        if text not in self.advice:
-            self.advice.append(text)
 
 
 def judge(

@@ -15,13 +15,17 @@ class Judgement:
     reasons: list[str] = field(default_factory=list)
     advice: list[str] = field(default_factory=list)
 
-    def reject(self, reason: str) -> None:
-        """Reject, for that reason."""
-        self.verdict = "rejected"
-        self.reasons.append(reason)
-
     def warn(self, reason: str) -> None:
         """Warn, for that reason."""
-        if self.verdict == "ok":
-            self.verdict = "warning"
+        self.verdict = "warning" if self.verdict == "ok" else self.verdict
         self.reasons.append(reason)
+
+    def reject(self, reason: str) -> None:
+        """Reject, for that reason, which comes first."""
+        self.verdict = "rejected"
+        self.reasons.insert(0, reason)
+
+    def advise(self, text: str) -> None:
+        """Give advice once."""
+        if text not in self.advice:
+            self.advice.append(text)
