@@ -122,8 +122,7 @@ def test_stiffness_that_fades_during_the_runs_is_never_ok(campaign: list[Recordi
 # Sensors that hang
 
 
-@pytest.mark.parametrize("channel", ["force", "displacement"])
-@pytest.mark.parametrize("duration", [0.03, 0.2])
+@pytest.mark.parametrize(("channel", "duration"), [("force", 0.2), ("displacement", 0.03)])
 def test_where_a_sensor_hangs_does_not_enter(campaign: list[Recording], channel: str, duration: float) -> None:
     findings = identify(in_all(campaign, channel, lambda t, v: held(t, v, 0.6, 0.6 + duration)))
     assert said(findings, f"the {channel} is stuck", "do not enter", run=ODD)
