@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from pipeline.findings import Findings, Parameter
@@ -15,6 +17,7 @@ from pipeline.findings.figures import (
     Mark,
     Panel,
     Points,
+    Role,
     Rule,
     Table,
     Text,
@@ -22,6 +25,9 @@ from pipeline.findings.figures import (
 )
 from pipeline.rigs.tire.bench.paper import G0, SENSITIVITY
 from pipeline.rigs.tire.bench.sections_waveform import Blocks
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _LOAD, _PEAK = Axis("load", "N"), Axis("peak over the mean", "ohm")
 
@@ -49,13 +55,17 @@ def of_calibration(findings: Findings) -> Blocks:
         middle = float(np.median(x))
         at_middle = float(np.interp(middle, x, curve["voltage"].to_numpy()))
         volts.append(Line(x, at_middle + SENSITIVITY * (x - middle), "reference", "70 mV per 50 kg", dashed=True))
-    for rows, role, label in ((used, "measured", "runs"), (unused, "fault", "not in the calibration")):
+    shown: tuple[tuple[pd.DataFrame, Role, str], ...] = (
+        (used, "measured", "runs"),
+        (unused, "fault", "not in the calibration"),
+    )
+    for rows, role, label in shown:
         if rows.empty:
             continue
         load, peak, half = rows["load"].to_numpy(), rows["peak"].to_numpy(), 1.96 * rows["peak_sd"].to_numpy()
         reach = 1.96 * rows["load_sd"].to_numpy()
-        marks.append(Points(load, peak, role, label, peak - half, peak + half, left=load - reach, right=load + reach))  # type: ignore[arg-type]
-        volts.append(Points(load, rows["voltage"].to_numpy(), role, label))  # type: ignore[arg-type]
+        marks.append(Points(load, peak, role, label, peak - half, peak + half, left=load - reach, right=load + reach))
+        volts.append(Points(load, rows["voltage"].to_numpy(), role, label))
         if rows["residual"].notna().any() and role == "measured":
             left = rows["residual"].to_numpy()
             rest.append(Points(load, left, "residual", "runs", left - half, left + half))

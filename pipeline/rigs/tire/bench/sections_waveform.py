@@ -18,6 +18,7 @@ from pipeline.findings.figures import (
     Mark,
     Panel,
     Points,
+    Role,
     Rule,
     Table,
     Text,
@@ -101,11 +102,12 @@ def _answer(findings: Findings) -> str:
 
 def _marks_of(rows: pd.DataFrame) -> list[Mark]:
     found: list[Mark] = []
-    for kind, role in (("dip", "reference"), ("slope", 2)):
+    kinds: tuple[tuple[str, Role], ...] = (("dip", "reference"), ("slope", 2))
+    for kind, role in kinds:
         own = rows[rows["kind"] == kind]
         if len(own):
             label = {"dip": "dips", "slope": "extreme slopes"}[kind]
-            found.append(Points(own["angle"].to_numpy(), own["change"].to_numpy(), role, label))  # type: ignore[arg-type]
+            found.append(Points(own["angle"].to_numpy(), own["change"].to_numpy(), role, label))
     found += [Rule(x=float(angle), role="model") for angle in rows[rows["kind"] == "contact"]["angle"]]
     return found
 
