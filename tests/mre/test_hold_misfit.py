@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hold_logs import changed, hold, said, without
@@ -16,14 +18,14 @@ def log(seed: int = 3, **truth: object) -> Recording:
     return without(synthesize({"rise": 0.0, "fall": 0.0, **truth}, seed)[0], "voltage")
 
 
-def with_force(course: object, seed: int = 3) -> Recording:
+def with_force(course: Callable[[np.ndarray, np.ndarray], np.ndarray], seed: int = 3) -> Recording:
     """Return the standard log with a force of its own: `course(time, current)` and 1 N of noise."""
     recording = log(seed)
     current = np.round(2 * recording.values("current")) / 2
     rng = np.random.default_rng(seed)
     return changed(
         recording, "force_axial", lambda t, x: course(np.maximum(t, 0.05), current) + rng.standard_normal(x.size)
-    )  # type: ignore[operator]
+    )
 
 
 def increments(found: Findings) -> list[tuple[float, float, tuple[float, float]]]:
