@@ -78,7 +78,8 @@ class ChannelSpec:
 
     `limit` is the largest magnitude (SI) that is physically plausible; beyond it a wrong unit is
     suspected and said. `counts_samples` marks a counter by which the rig knows what was lost on the way: whether the
-    gaps of its stream matter is then for the rig to say.
+    gaps of its stream matter is then for the rig to say. `lists_entries` marks what makes its table a list of entries
+    (events, samples of a culture): rows of the same time are all kept, and how evenly they come is not judged.
     """
 
     name: str
@@ -87,6 +88,7 @@ class ChannelSpec:
     required: bool = True
     limit: float | None = None
     counts_samples: bool = False
+    lists_entries: bool = False
 
 
 @dataclass(frozen=True)
