@@ -22,7 +22,7 @@ class Axis:
 
     `whole` keeps the ticks at whole numbers (orders, runs).
     Units that are no SI units say how numbers are read: '%' a ratio, 'degC' an absolute temperature in K, 'km/h' a
-    speed in m/s.
+    speed in m/s, 'mmHg' a pressure in Pa, 'mL', 'mL/min', 'mL/h', 'mL/h/mmHg', 'W h', 'min', 'h'.
     """
 
     label: str
@@ -178,7 +178,7 @@ Cell = str | float | int | bool | None | Value | Status
 
 @dataclass(frozen=True)
 class Column:
-    """Heading, SI unit of its numbers ('' for text; '%', 'degC' and 'km/h' as in `Axis`)."""
+    """Heading, SI unit of its numbers ('' for text; '%', 'degC', 'mmHg' and the like as in `Axis`)."""
 
     heading: str
     unit: str = ""

@@ -63,7 +63,13 @@ class ReadingUnit:
 
 PERCENT = ReadingUnit("%", 0.01)
 CELSIUS = ReadingUnit("°C", 1.0, 273.15)
-KMH = ReadingUnit("km/h", 1.0 / 3.6)
+# Units that are no SI units and are asked for by name.
+_BY_NAME = {
+    "%": PERCENT, "degC": CELSIUS, "km/h": ReadingUnit("km/h", 1.0 / 3.6), "mmHg": ReadingUnit("mmHg", 133.322387415),
+    "mL": ReadingUnit("mL", 1e-6), "mL/min": ReadingUnit("mL/min", 1e-6 / 60.0), "mL/h": ReadingUnit("mL/h", 1e-6 / 3600.0),
+    "mL/h/mmHg": ReadingUnit("mL/(h·mmHg)", 1e-6 / 3600.0 / 133.322387415), "W h": ReadingUnit("Wh", 3600.0),
+    "min": ReadingUnit("min", 60.0), "h": ReadingUnit("h", 3600.0),
+}  # fmt: skip
 
 
 def spelt(si_unit: str) -> str:
@@ -97,7 +103,8 @@ def reading_unit(si_unit: str, magnitude: float, resolution: float = 0.0) -> Rea
     ----------
     si_unit
         SI unit as declared: ``N/m``, ``N s/m``, ``1``; ``%`` for a ratio that is read in percent, ``degC`` for
-        an absolute temperature in K that is read in degrees Celsius, ``km/h`` for a speed in m/s that is read so.
+        an absolute temperature in K that is read in degrees Celsius; ``km/h``, ``mmHg``, ``mL``, ``mL/min``, ``mL/h``,
+        ``mL/h/mmHg``, ``W h``, ``min`` and ``h`` for what is to be read so.
     magnitude
         Typical size; zero or not finite gives the plain SI unit.
     resolution
@@ -112,12 +119,8 @@ def reading_unit(si_unit: str, magnitude: float, resolution: float = 0.0) -> Rea
     >>> reading_unit("m", 2e-4).name, reading_unit("m", 2e-4, resolution=9e-10).name
     ('mm', 'µm')
     """
-    if si_unit == "%":
-        return PERCENT
-    if si_unit == "degC":
-        return CELSIUS
-    if si_unit == "km/h":
-        return KMH
+    if si_unit in _BY_NAME:
+        return _BY_NAME[si_unit]
     if not (math.isfinite(magnitude) and magnitude > 0):
         return ReadingUnit("" if si_unit == "1" else spelt(si_unit))
     ladder = _ladder(si_unit)
