@@ -1,0 +1,196 @@
+"""Frequency of the roller passages in each window of 10 s, and whether the pump turns there (rap.md, 3.5).
+
+Periodogram peak between 0.8 and 3.5 Hz, then least squares of mean, trend and three harmonics over the frequency. It
+does not know flows; `harmonics` gives other channels at the frequencies found here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.rigs.rap.pulsation.harmonics import Harmonics, design, harmonics, solved
+from pipeline.rigs.rap.pulsation.windows import Stack, Windows, cut, stacks
+
+BAND = (0.8, 3.5)
+WINDOW = 10.0
+_ORDERS = np.array([1.0, 2.0, 3.0])
+# Of its standard error: a weaker line is no pulsation, the pump stands.
+_LEAST_LINE = 6.0
+# The search around the peak of the periodogram, as a share of it, and where it is exact enough.
+_SEARCH = 0.08
+_STEPS = 8
+# A frequency that changes by one of these factors, within that share, while the level does not, is another line of the same pump.
+_JUMPS = (2.0, 3.0, 0.5, 1.0 / 3.0)
+_NEAR = 0.05
+
+TURNING, STOPPED, JUMP, UNSTEADY, LOST = "turning", "stopped", "jump", "unsteady", "lost"
+
+
+@dataclass(frozen=True, eq=False)
+class Passages:
+    """What the windows hold.
+
+    Attributes
+    ----------
+    harmonics
+        Mean, trend, orders 1 to 3 of the channel in which the passages were looked for; all windows.
+    frequency_error
+        Standard error of the frequency for a white residual, Hz, shape (w,).
+    state
+        Per window, shape (w,): "turning"; "stopped" (line below 6 standard errors); "jump" (a sub-harmonic or a multiple was
+        picked); "unsteady" (the pump starts, stops or changes its speed within); "lost" (too few samples).
+    """
+
+    harmonics: Harmonics
+    frequency_error: np.ndarray
+    state: np.ndarray
+
+    @property
+    def windows(self) -> Windows:
+        """The windows."""
+        return self.harmonics.windows
+
+    @property
+    def turning(self) -> np.ndarray:
+        """Windows in which the pump turns steadily at a frequency that is known, mask of shape (w,)."""
+        return np.asarray(self.state == TURNING)
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """Roller passages a second, Hz, shape (w,); NaN where the window is not turning."""
+        return np.where(self.turning, self.harmonics.frequency, np.nan)
+
+    @property
+    def amplitude(self) -> np.ndarray:
+        """A_1, amplitude of the passages' line, unit of the channel, shape (w,); NaN where the window is not turning."""
+        return np.where(self.turning, self.harmonics.amplitude(1), np.nan)
+
+
+def find_passages(
+    time: np.ndarray, values: np.ndarray, windows: Windows | None = None, band: tuple[float, float] = BAND
+) -> Passages:
+    """Find the roller passages in a pressure.
+
+    Parameters
+    ----------
+    time, values
+        The pressure (pre-filter for choice), s and Pa, shape (n,); 10 Hz or more.
+    windows
+        By default windows of 10 s side by side over the whole record.
+    band
+        Where the passages are looked for, Hz; its upper end is cut at 0.45 of the sampling rate.
+    """
+    if windows is None:
+        windows = cut(float(time[0]), float(time[-1]), WINDOW) if time.size else Windows(np.empty(0), np.empty(0))
+    frequency = np.full(windows.size, np.nan)
+    error = np.full(windows.size, np.nan)
+    if windows.size and time.size > 1:
+        rate = 1.0 / float(np.median(np.diff(time)))
+        for stack in stacks(time, values, windows):
+            coarse = _peak(stack, rate, (band[0], min(band[1], 0.45 * rate)))
+            orders = _ORDERS[np.nanmax(coarse, initial=band[0]) * 1.05 * _ORDERS < 0.47 * rate]
+            frequency[stack.rows], error[stack.rows] = _refined(stack, coarse, orders if orders.size else _ORDERS[:1])
+    fitted = harmonics(time, values, windows, frequency)
+    state = np.full(windows.size, TURNING, dtype=object)
+    line, noise = fitted.amplitude(1), fitted.amplitude_error(1)
+    state[~np.isfinite(line)] = LOST
+    state[np.isfinite(line) & ~(line > _LEAST_LINE * noise)] = STOPPED
+    found = Passages(fitted, error, state)
+    return _without_jumps(_without_unsteady(found))
+
+
+def _peak(stack: Stack, rate: float, band: tuple[float, float]) -> np.ndarray:
+    """Return where the periodogram of each window peaks within the band, Hz, shape (w,); NaN for windows without samples."""
+    trend = np.stack([np.ones_like(stack.offset), stack.offset], axis=-1) * stack.weight[..., None]
+    solution, _, _ = solved(stack, trend)
+    flat = (stack.values - (trend @ solution[..., None])[..., 0]) * stack.weight
+    slots = np.rint((stack.offset - stack.offset.min()) * rate).astype(int)
+    size = 1 << int(np.ceil(np.log2(8 * (slots.max() + 1))))
+    grid = np.zeros((stack.offset.shape[0], slots.max() + 1))
+    rows = np.broadcast_to(np.arange(grid.shape[0])[:, None], slots.shape)
+    inside = stack.weight > 0
+    grid[rows[inside], slots[inside]] = flat[inside]
+    lines = np.fft.rfftfreq(size, 1.0 / rate)
+    within = np.flatnonzero((lines >= band[0]) & (lines <= band[1]))
+    power = np.abs(np.fft.rfft(grid, size, axis=1)[:, within])
+    return np.where(stack.weight.sum(axis=1) > 8, lines[within[power.argmax(axis=1)]], np.nan)
+
+
+def _refined(stack: Stack, coarse: np.ndarray, orders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the frequency of least residual within 8 % of `coarse` and its standard error, Hz, shape (w,) each.
+
+    Gauss-Newton on the frequency with the linear part projected out; a step that does not help is shortened.
+    """
+    best = np.where(np.isfinite(coarse), coarse, 1.0)
+    low, high = best * (1.0 - _SEARCH), best * (1.0 + _SEARCH)
+    trial, step = best.copy(), np.zeros_like(best)
+    least = np.full(best.shape, np.inf)
+    error = np.full(best.shape, np.nan)
+    proposal = np.zeros_like(best)
+    for _ in range(_STEPS):
+        columns = design(stack, trial, orders)
+        solution, inverse, sigma = solved(stack, columns)
+        better = sigma <= least
+        gradient, curvature = _slope(stack, columns, solution, inverse, orders)
+        best, least = np.where(better, trial, best), np.where(better, sigma, least)
+        proposal = np.where(better, gradient / curvature, 0.25 * step)
+        error = np.where(better, sigma / np.sqrt(curvature), error)
+        step = np.clip(best + proposal, low, high) - best
+        trial = best + step
+        if np.all(np.abs(step) < 1e-7):
+            break
+    return np.where(np.isfinite(coarse), best, np.nan), np.where(np.isfinite(coarse), error, np.nan)
+
+
+def _slope(
+    stack: Stack, columns: np.ndarray, solution: np.ndarray, inverse: np.ndarray, orders: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residual's projection on the change with frequency, and that change's square, shape (w,) each."""
+    turning = 2.0 * np.pi * np.repeat(orders, 2)
+    # d/df of a cos - b sin is the same pair turned by a quarter: -(b cos + a sin) 2 pi k t, written with the columns at hand.
+    swapped = np.empty_like(solution[:, 2:])
+    swapped[:, 0::2], swapped[:, 1::2] = -solution[:, 3::2], solution[:, 2::2]
+    change = (columns[..., 2:] @ (swapped * turning)[..., None])[..., 0] * stack.offset
+    across = columns.transpose(0, 2, 1)
+    change = change - (columns @ (inverse @ (across @ change[..., None])))[..., 0]
+    residual = (stack.values - (columns @ solution[..., None])[..., 0]) * stack.weight
+    curvature = np.maximum((change**2).sum(axis=1), 1e-300)
+    return (change * residual).sum(axis=1), curvature
+
+
+def _without_unsteady(found: Passages) -> Passages:
+    """Mark windows whose residual is far above that of the others, relative to the line: the pump changes within."""
+    turning = found.turning
+    if turning.sum() < 3:
+        return found
+    ratio = found.harmonics.sigma / found.harmonics.amplitude(1)
+    usual = float(np.median(ratio[turning]))
+    state = found.state.copy()
+    state[turning & (ratio > max(3.0 * usual, 0.25))] = UNSTEADY
+    return replace(found, state=state)
+
+
+def _without_jumps(found: Passages) -> Passages:
+    """Mark the shorter side where the frequency jumps by 2, 3, 1/2 or 1/3 while the level stays: not the pump's doing."""
+    at = np.flatnonzero(found.turning)
+    if at.size < 2:
+        return found
+    f, level = found.harmonics.frequency[at], found.harmonics.mean[at]
+    groups = np.zeros(at.size, dtype=int)
+    suspicious = []
+    for i in range(1, at.size):
+        ratio = f[i] / f[i - 1]
+        jumps = any(abs(ratio / factor - 1.0) < _NEAR for factor in _JUMPS)
+        stays = abs(level[i] - level[i - 1]) < 0.2 * max(abs(level[i]), abs(level[i - 1]))
+        groups[i] = groups[i - 1] + (jumps and stays)
+        if jumps and stays:
+            suspicious.append(groups[i])
+    state = found.state.copy()
+    sizes = np.bincount(groups)
+    while suspicious:
+        border = suspicious.pop()
+        side = border if sizes[border] <= sizes[border - 1] else border - 1
+        state[at[groups == side]] = JUMP
+    return replace(found, state=state)
