@@ -1,0 +1,1 @@
+"""What the findings of `rap.therapy` hold and what its report shows."""
