@@ -118,6 +118,11 @@ class Clock:
                 self.notes.append(QualityFinding("warning", f"{said}. {advice}"))
             return
 
+    @property
+    def seconds_per_unit(self) -> float:
+        """Seconds that one unit of the stamps lasts."""
+        return self._factor
+
     def seconds(self, stamps: np.ndarray) -> np.ndarray:
         """Return stamps (n,) as seconds of the run."""
         if self._zero == 0.0 and self._factor == 1.0 and self.shift == 0.0:

@@ -70,6 +70,7 @@ class SelectedChannel:
     required: bool = False
     limit: float | None = None
     counts_samples: bool = False
+    lists_entries: bool = False
 
     def si(self, raw: np.ndarray) -> np.ndarray:
         """Return samples (n,) in SI; words stay words, numbers of a text channel become words."""
@@ -218,7 +219,7 @@ def _selected(
     """Return the channel with its way to SI; None for an optional one that holds words instead of numbers."""
     raw, where = column.channel, f"{column.source.where}, channel '{column.channel.name}'"
     if spec.unit == "":
-        return SelectedChannel(spec.name, raw, "", required=spec.required)
+        return SelectedChannel(spec.name, raw, "", required=spec.required, lists_entries=spec.lists_entries)
     if raw.is_text:
         place, text = _first_text(column)
         said = f"holds text and not numbers: '{text[:40]}' in {place}" if place else "holds no numbers"
@@ -241,6 +242,7 @@ def _selected(
         spec.required,
         spec.limit,
         spec.counts_samples,
+        spec.lists_entries,
     )
 
 

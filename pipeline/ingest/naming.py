@@ -26,6 +26,8 @@ class ChannelLike(Protocol):
     def limit(self) -> float | None: ...  # noqa: D102
     @property
     def counts_samples(self) -> bool: ...  # noqa: D102
+    @property
+    def lists_entries(self) -> bool: ...  # noqa: D102
 
 
 def plain(name: str) -> str:

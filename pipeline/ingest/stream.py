@@ -16,6 +16,7 @@ from pipeline.errors import InputError, counted
 from pipeline.ingest.blocks import Block, rebatched, rows_of
 from pipeline.ingest.clock import Clock, TimeSource
 from pipeline.ingest.clock_drift import ClockDrift, other_clock
+from pipeline.ingest.entries import listed
 from pipeline.ingest.mapping import Selection
 from pipeline.ingest.quality.sampling import Sampling
 from pipeline.ingest.row_order import reordered
@@ -233,13 +234,16 @@ class StreamInSI:
         table, name = self.selection.source.table, self.time.channel
         assert name is not None  # counted samples are in order
         stamps = np.concatenate([np.asarray(block[name], dtype=np.float64) for block in table.blocks([name])])
+        where = f"{self.clock.where}, channel '{name}'"
+        if any(channel.lists_entries for channel in self.selection.channels):
+            return listed(stamps, self.clock.seconds_per_unit, where)
         first = next(self._again(), {})
         others = [first[other] for other in self._names if other != name and other in first]
         copies = None
         if others:
             same = np.logical_and.reduce([_same_as_before(values) for values in others])
             copies = np.concatenate(([False], same))
-        return repair(stamps, copies, f"{self.clock.where}, channel '{name}'", table.place_of)
+        return repair(stamps, copies, where, table.place_of)
 
     def _say(self, timeless: _Tally, infinite: Mapping[str, _Tally], no_value: Mapping[str, _Tally]) -> None:
         where = self.clock.where

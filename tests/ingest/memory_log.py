@@ -27,6 +27,7 @@ class Spec:
     required: bool = True
     limit: float | None = None
     counts_samples: bool = False
+    lists_entries: bool = False
 
 
 class MemoryTable(RawTable):

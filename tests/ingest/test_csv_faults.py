@@ -39,7 +39,7 @@ REFUSED = {
     "zeros within": (GOOD.encode() + b"\0\0\n1,2\n", "line 102 holds a zero byte .NUL, byte"),
     "header only": ("t,F\n", "no rows of numbers"),
     "prose": ("This is a text.\nIt has 5 words.\n", "no rows of numbers"),
-    "three rows": ("t,F\n0,1\n1,2\n2,3\n", "only 3 rows of numbers; at least 4"),
+    "three rows without names": ("0,1\n1,2\n2,3\n", "only 3 rows of numbers; at least 4"),
     "ragged": ("t,F\n" + "".join(f"{k},1\n" if k % 3 else f"{k}\n" for k in range(1, 100)), "33 of 99 rows .* first in line 4 "),
     "same names": ("t,F,x,F\n" + "1,2,3,4\n" * 9, "columns 2 and 4 are both called 'F'"),
     "more names than cells": ("t,F,x\n" + ROWS, "line 1 names 3 columns, but the rows below it have 2 cells"),

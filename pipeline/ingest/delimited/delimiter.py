@@ -49,7 +49,7 @@ def detect(lines: Sequence[str], where: str) -> Fit:
     best = _best(parted, is_value)
     if best.score < _MOSTLY and (labelled := _labelled(parted)).score > best.score:
         best = labelled
-    if not _holds_rows(best):
+    if not _holds_rows(best) and not _is_names_and_one_row(best, parted):
         raise InputError(
             f"{where}: holds no rows of numbers. Expected is a table: names, perhaps units, then one row a sample."
         )
@@ -67,6 +67,15 @@ def detect(lines: Sequence[str], where: str) -> Fit:
 
 def _holds_rows(fit: Fit) -> bool:
     return fit.rows > 1 or fit.score >= _HALF
+
+
+def _is_names_and_one_row(fit: Fit, lines: Sequence[str]) -> bool:
+    """Tell whether all that stands is a row of names and one below it, as in a list of one event."""
+    filled = [line for line in lines if line.strip() and fit.dialect.comment(line) is None]
+    cells = [fit.dialect.split(line) for line in filled]
+    if fit.dialect.delimiter == BLANKS:
+        return False  # as likely prose
+    return len(filled) == 2 and fit.rows == 1 and fit.width > 1 and all(len(row) == fit.width for row in cells)
 
 
 def _best(lines: Sequence[str], counts: Callable[[str], bool]) -> Fit:

@@ -92,10 +92,10 @@ def survey(path: Path) -> Survey:
         head = read_head(path, LONG_LOOK)  # a preamble that is longer than the first look
         fit = detect([line.text for line in head.lines], where)
     body = find_body(head.lines, fit.dialect, fit.width, where)
-    if head.is_whole and len(body.rows) < FEWEST_ROWS:
+    if head.is_whole and len(body.rows) < FEWEST_ROWS and body.names_index is None:
         raise InputError(
             f"{where}: holds only {len(body.rows)} row{'s' * (len(body.rows) > 1)} of numbers; at least {FEWEST_ROWS} "
-            "are needed. Was the recording stopped too early?"
+            "are needed where no row of names stands above them. Was the recording stopped too early?"
         )
     texts = [line.text for line in head.lines]
     labview = labview_rows(texts[: body.start], fit.dialect)

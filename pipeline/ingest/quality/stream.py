@@ -40,6 +40,7 @@ class StreamQuality:
         self._channels = [ChannelQuality(channel) for channel in channels if channel.unit != ""]
         self._order = [channel.name for channel in channels]
         self._losses_counted = any(channel.counts_samples for channel in channels)
+        self._is_list = any(channel.lists_entries for channel in channels)
 
     def add(self, time: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
         """Take the next block: time (n,), s, strictly increasing, and the channels in SI."""
@@ -59,7 +60,7 @@ class StreamQuality:
 
     def findings(self) -> list[QualityFinding]:
         """Return what is to be said, without run."""
-        found = self.sampling.findings(self._losses_counted)
+        found = [] if self._is_list else self.sampling.findings(self._losses_counted)
         for quality in self._channels:
             found += quality.findings(self._swapped_with(quality))
         return [*found, *self._said_stuck()]
