@@ -1,0 +1,64 @@
+"""What is wrong with a run's channels, before any number: errors of the run, channels without use, samples left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.recording import QualityFinding, Recording, Stream
+from pipeline.rigs.rap.pressures.exchanged import exchange_faults
+from pipeline.rigs.rap.pressures.gaps import gap_notes
+from pipeline.rigs.rap.pressures.record import Record
+from pipeline.rigs.rap.pressures.spans import Span, within
+from pipeline.rigs.rap.pressures.stuck import lost_samples
+from pipeline.rigs.rap.pressures.tap_levels import tap_levels
+from pipeline.rigs.rap.pressures.units import unit_faults
+from pipeline.rigs.rap.pressures.zeros import zero_faults
+
+
+@dataclass(frozen=True)
+class DataFaults:
+    """What was found, why the whole run is refused (empty where it is not), channels left out, the recording without them."""
+
+    findings: tuple[QualityFinding, ...]
+    refused: tuple[str, ...]
+    useless: Mapping[str, str]
+    sound: Recording
+
+
+def data_faults(record: Record) -> DataFaults:
+    """Judge the channels of a run.
+
+    Wrong units, exchanged taps and turned signs refuse the run: mended in the recipe, it can be used whole. A channel that
+    is frozen or saturated over much of the run is left out, frozen samples of others as well.
+    """
+    levels = tap_levels(record)
+    lost = lost_samples(record)
+    usable = [level for level in levels if level.channel not in lost.useless]
+    grave = [*unit_faults(record, usable), *exchange_faults(record, usable)]
+    refused = tuple(finding.message for finding in grave if finding.level == "error")
+    zeros = [] if any("unit mix-up" in text for text in refused) else zero_faults(record, usable)
+    findings = (*grave, *lost.findings, *zeros, *gap_notes(record))
+    return DataFaults(findings, refused, lost.useless, _without(record.recording, lost.useless, lost.spans))
+
+
+def _without(recording: Recording, useless: Mapping[str, str], spans: Mapping[str, Sequence[Span]]) -> Recording:
+    """Return a recording without the channels of `useless`, and without samples within the `spans` of the others."""
+    streams = {}
+    for name, stream in recording.streams.items():
+        touched = [channel for channel in stream.channels if channel in useless or channel in spans]
+        streams[name] = _stream(stream, touched, useless, spans) if touched else stream
+    return replace(recording, streams=streams)
+
+
+def _stream(
+    stream: Stream, touched: Sequence[str], useless: Mapping[str, str], spans: Mapping[str, Sequence[Span]]
+) -> Stream:
+    channels = {name: stream.channels[name] for name in stream.channels if name not in useless}
+    for name in touched:
+        if name in channels:
+            values = np.where(within(stream.time, spans[name]), np.nan, channels[name].values)
+            channels[name] = replace(channels[name], values=values)
+    return Stream(stream.name, stream.time, channels)

@@ -1,0 +1,79 @@
+"""When the blood pump runs and when it stands, by one source's own clock: before any clock is aligned, roughly.
+
+Enough to judge units, signs and zeros. Levels for the numbers are found with the clocks aligned, in `hydraulics`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.recording import Recording
+from pipeline.rigs.rap.pulsation.pump import pump
+from pipeline.rigs.rap.tables import Signal, signal
+
+Span = tuple[float, float]
+
+# Ramps and settling at either end of a span are left out, s; shorter spans are none.
+_MARGIN, _SHORTEST = 3.0, 4.0
+# Slower logs do not show the pulsation, Hz.
+_SLOWEST = 4.0
+_PULSATING = ("prefilter", "return", "access")
+# Which channels tell that the pump runs, on whose clock, where no pulsation does.
+_DEVICE = ("blood_flow_set", "blood_pump_speed", "blood_flow_rap")
+_TELLS = {"rap": _DEVICE, "prot": _DEVICE, "bench": ("blood_flow_bench",)}
+
+
+@dataclass(frozen=True)
+class Spans:
+    """Spans (s, the source's clock) with the pump on and off, their ends taken off; `told_by` is the channel that tells it."""
+
+    on: tuple[Span, ...]
+    off: tuple[Span, ...]
+    told_by: str
+
+
+def spans_of(recording: Recording, reader: str, taps: Mapping[str, Signal]) -> Spans:
+    """Return when the pump is on and off by the clock of `reader` (rap, prot, bench), whose pressures are `taps`."""
+    for tap in _PULSATING:
+        one = taps.get(tap)
+        if one is None or not one.rate >= _SLOWEST:
+            continue
+        found = pump(one.time, one.values)
+        if found.stretches:
+            on = [(s.first + (_MARGIN if s.start is not None else 0.0), s.last - (_MARGIN if s.stop is not None else 0.0)) for s in found.stretches]  # fmt: skip
+            off = [
+                (a + (_MARGIN if a > found.begin else 0.0), b - (_MARGIN if b < found.end else 0.0))
+                for a, b in found.rests
+            ]
+            return Spans(_long(on), _long(off), one.name)
+    for name in _TELLS[reader]:
+        flow = signal(recording, name)
+        if flow is not None and flow.values.max() > 0.0:
+            return Spans(*_spans(flow.time, flow.values > 0.25 * float(np.quantile(flow.values, 0.95))), name)
+    return Spans((), (), "")
+
+
+def within(time: np.ndarray, spans: Sequence[Span]) -> np.ndarray:
+    """Return which of `time` (n,) lie in one of the spans, shape (n,)."""
+    inside = np.zeros(time.size, dtype=bool)
+    for start, end in spans:
+        inside |= (time >= start) & (time <= end)
+    return inside
+
+
+def _spans(time: np.ndarray, on: np.ndarray) -> tuple[tuple[Span, ...], tuple[Span, ...]]:
+    """Return the stretches where `on` is true and where it is false, margins taken off."""
+    edges = np.flatnonzero(np.diff(on)) + 1
+    starts, ends = np.concatenate([[0], edges]), np.concatenate([edges, [on.size]])
+    found: dict[bool, list[Span]] = {True: [], False: []}
+    for i, k in zip(starts, ends, strict=True):
+        span = (float(time[i]) + (_MARGIN if i else 0.0), float(time[k - 1]) - (_MARGIN if k < on.size else 0.0))
+        found[bool(on[i])].append(span)
+    return _long(found[True]), _long(found[False])
+
+
+def _long(spans: Sequence[Span]) -> tuple[Span, ...]:
+    return tuple(span for span in spans if span[1] - span[0] >= _SHORTEST)
