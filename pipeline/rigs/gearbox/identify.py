@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.errors import InputError, counted, listing
+from pipeline.errors import InputError
 from pipeline.findings import Findings, Quality, Run
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import Context
@@ -23,6 +23,7 @@ from pipeline.rigs.gearbox.record import record_of
 from pipeline.rigs.gearbox.run_faults import run_faults, speed_faults
 from pipeline.rigs.gearbox.run_numbers import RunNumbers, numbers_of
 from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers, vibration_of
+from pipeline.rigs.nothing_usable import nothing_usable
 
 
 @dataclass
@@ -47,7 +48,7 @@ def identify(recordings: Sequence[Recording], settings: LoadExchangeSettings, co
     for recording in recordings:
         _sort(recording, runs)
     if not runs.numbers:
-        raise InputError(_nothing_usable(runs, context))
+        raise InputError(nothing_usable(runs.left_out, recordings))
     campaign = campaign_of(runs.numbers)
     runs.quality = list(dict.fromkeys([*runs.quality, *_campaign_faults(campaign)]))
     levels = [level for run in runs.numbers for level in runs.vibration[run.name].levels]
@@ -127,16 +128,3 @@ def _failed(misfits: Sequence[Misfit | None]) -> list[QualityFinding]:
         for one in misfits
         if one is not None and one.failed
     ]
-
-
-def _nothing_usable(runs: _Sorted, context: Context) -> str:
-    """Say why no run can be used: the first reason, and how many others there are."""
-    if not runs.left_out:
-        return f"campaign '{context.campaign}': there is no run."
-    (first, reason), *others = runs.left_out.items()
-    more = (
-        f" {counted(len(others), 'more run')} cannot be used either: {listing([run for run, _ in others], 8)}."
-        if others
-        else ""
-    )
-    return f"campaign '{context.campaign}': no run can be used; run '{first}': {reason.rstrip('.')}.{more}"

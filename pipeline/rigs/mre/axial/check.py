@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
-from pipeline.rigs.mre.axial.identify import nothing_usable
 from pipeline.rigs.mre.axial.levels import current_of
 from pipeline.rigs.mre.axial.record import UnfitError
 from pipeline.rigs.mre.axial.run_fit import fit_run
+from pipeline.rigs.nothing_usable import nothing_usable
 
 
 def check(recording: Recording) -> Sequence[QualityFinding]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from pipeline.errors import InputError, listing
+from pipeline.errors import InputError
 from pipeline.estimation.estimate import Estimate
 from pipeline.findings import Findings, ModelResult, Parameter, Quality, Run
 from pipeline.recording import QualityFinding, Recording
@@ -19,6 +19,7 @@ from pipeline.rigs.mre.axial.run_fit import RunFit, fit_run
 from pipeline.rigs.mre.axial.variants import variants_of
 from pipeline.rigs.mre.axial.verdict import judge
 from pipeline.rigs.mre.flux_levels import flux_levels
+from pipeline.rigs.nothing_usable import nothing_usable
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 # What the gain of the force and of the displacement goes into, and with which power.
@@ -74,17 +75,6 @@ def identify(recordings: Sequence[Recording], settings: AxialSettings, context: 
         runs=[Run(run=r.run, used=r.run not in left_out, reason=left_out.get(r.run, "")) for r in recordings],
         arrays={**arrays_of(levels), **_flux(recordings)},
     )
-
-
-def nothing_usable(left_out: dict[str, str], recordings: Sequence[Recording]) -> str:
-    """Return why nothing can be identified."""
-    if not left_out:
-        return "the campaign has no run."
-    (first, reason), *others = left_out.items()
-    files = [source.path for r in recordings if r.run == first for source in r.provenance.files]
-    place = f"run '{first}' ({listing(files)})" if files else f"run '{first}'"
-    more = f" {len(others)} more cannot be used either: {listing((run for run, _ in others), 8)}." if others else ""
-    return f"no run can be used; {place}: {reason}.{more}"
 
 
 def _said(fit: RunFit, current: Current) -> list[QualityFinding]:

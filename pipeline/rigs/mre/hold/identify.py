@@ -25,7 +25,7 @@ from pipeline.rigs.mre.hold.published import published
 from pipeline.rigs.mre.hold.record import Record, UnusableError, record_of
 from pipeline.rigs.mre.hold.record_faults import judge_record
 from pipeline.rigs.mre.hold.told import told_of
-from pipeline.rigs.mre.shear.unusable import nothing_usable
+from pipeline.rigs.nothing_usable import nothing_usable
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 _ELSEWHERE = {

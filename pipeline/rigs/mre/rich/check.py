@@ -8,7 +8,7 @@ from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.rich.records import usable_records
 from pipeline.rigs.mre.shear.faults import say_varying
-from pipeline.rigs.mre.shear.unusable import nothing_usable
+from pipeline.rigs.nothing_usable import nothing_usable
 
 
 def check(recording: Recording) -> Sequence[QualityFinding]:

@@ -21,7 +21,7 @@ from pipeline.rigs.mre.rich.verdict import judge
 from pipeline.rigs.mre.shear.runs import apart
 from pipeline.rigs.mre.shear.samples import number_of
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
-from pipeline.rigs.mre.shear.unusable import nothing_usable
+from pipeline.rigs.nothing_usable import nothing_usable
 
 
 def identify(recordings: Sequence[Recording], settings: RichSettings, context: Context) -> Findings:

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.shear.declaration import ShearSettings
 from pipeline.rigs.mre.shear.samples import pads_of
-from pipeline.rigs.mre.shear.unusable import nothing_usable
+from pipeline.rigs.nothing_usable import nothing_usable
 
 # Plausible shear moduli of elastomers, Pa.
 MODULUS_RANGE = (0.05e6, 10e6)

@@ -37,8 +37,8 @@ from pipeline.rigs.mre.shear.runs import sort_runs
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
 from pipeline.rigs.mre.shear.unsteady import say_faults_of_records
 from pipeline.rigs.mre.shear.untared_mass import weigh_mass
-from pipeline.rigs.mre.shear.unusable import nothing_usable
 from pipeline.rigs.mre.shear.verdict import judge
+from pipeline.rigs.nothing_usable import nothing_usable
 
 _LEAST_CYCLES = 1.95
 

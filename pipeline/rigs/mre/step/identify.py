@@ -14,7 +14,6 @@ from pipeline.recording import Recording
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.mre.doubts import Doubts
 from pipeline.rigs.mre.hold.record import UnusableError
-from pipeline.rigs.mre.shear.unusable import nothing_usable
 from pipeline.rigs.mre.step.arrays import arrays_of
 from pipeline.rigs.mre.step.declaration import PARAMETERS, StepSettings
 from pipeline.rigs.mre.step.faults import judge_fit, judge_record
@@ -24,6 +23,7 @@ from pipeline.rigs.mre.step.record import Record, record_of
 from pipeline.rigs.mre.step.repeats import judge_repeats
 from pipeline.rigs.mre.step.times import estimates_of, largest
 from pipeline.rigs.mre.step.withheld import filter_remark, without_breaks, without_coil
+from pipeline.rigs.nothing_usable import nothing_usable
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 _ELSEWHERE = {

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from pipeline.errors import InputError, counted, listing
+from pipeline.errors import InputError, counted
 from pipeline.findings import Findings, ModelResult, Quality, Run
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import Context
+from pipeline.rigs.nothing_usable import nothing_usable
 from pipeline.rigs.tire.bench.arrays import arrays_of
 from pipeline.rigs.tire.bench.bench_run import BenchRun, FreeSpinError, bench_run
 from pipeline.rigs.tire.bench.campaign import Campaign
@@ -46,7 +47,7 @@ def identify(recordings: Sequence[Recording], settings: BenchSettings, context: 
         context.progress(0.6 * number / count, f"passages of {recording.run}")
         _sort(recording, runs)
     if not runs.runs:
-        raise InputError(_nothing_usable(runs, context))
+        raise InputError(nothing_usable({**runs.left_out, **runs.aside}, recordings))
     context.progress(0.6, "ring, calibration and PVDF")
     tire = one_tire(runs.runs, settings)
     for run in list(runs.runs):
@@ -101,19 +102,6 @@ def _sort(recording: Recording, runs: _Sorted) -> None:
         runs.others.append(run)
         return
     runs.runs.append(run)
-
-
-def _nothing_usable(runs: _Sorted, context: Context) -> str:
-    """Say why no run can be used: the first reason, and how many others there are."""
-    if not (runs.left_out or runs.aside):
-        return f"campaign '{context.campaign}': there is no run."
-    (first, reason), *others = {**runs.left_out, **runs.aside}.items()
-    more = (
-        f" {counted(len(others), 'more run')} cannot be used either: {listing([run for run, _ in others], 8)}."
-        if others
-        else ""
-    )
-    return f"campaign '{context.campaign}': no run can be used; run '{first}': {reason.rstrip('.')}.{more}"
 
 
 def _models(found: Campaign) -> list[ModelResult]:

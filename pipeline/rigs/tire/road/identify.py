@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline.errors import InputError, counted, listing
+from pipeline.errors import InputError
 from pipeline.findings import Findings, Quality, Run
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import Context
+from pipeline.rigs.nothing_usable import nothing_usable
 from pipeline.rigs.tire.passages.passage_faults import passage_findings
 from pipeline.rigs.tire.road.arrays import arrays_of
 from pipeline.rigs.tire.road.declaration import RoadSettings
@@ -59,7 +60,7 @@ def identify(recordings: Sequence[Recording], settings: RoadSettings, context: C
         _sort(recording, runs, choice, settings, libraries, _within(context, recording.run, before, share))
         done += size
     if not runs.numbers:
-        raise InputError(_nothing_usable(runs, recordings, context))
+        raise InputError(nothing_usable(runs.left_out, recordings, "drive"))
     runs.quality = list(dict.fromkeys(runs.quality))
     said = judge(runs.numbers, choice, runs.left_out, runs.quality)
     return Findings(
@@ -137,14 +138,3 @@ def _none_usable(numbers: RunNumbers, found: Sequence[QualityFinding]) -> str:
     why = f" ({commonest})" if commonest else ""
     warned = next((q.message for q in found if q.level == "warning"), "")
     return f"none of its {len(numbers.forces)} revolutions can be used{why}." + (f" {warned}" if warned else "")
-
-
-def _nothing_usable(runs: _Sorted, recordings: Sequence[Recording], context: Context) -> str:
-    """Say why no drive can be used: the first reason, and how many others there are."""
-    if not runs.left_out:
-        return f"campaign '{context.campaign}': there is no run."
-    (first, reason), *others = runs.left_out.items()
-    files = [source.path for r in recordings if r.run == first for source in r.provenance.files]
-    place = f"run '{first}' ({listing(files)})" if files else f"run '{first}'"
-    more = f" The same or another reason holds for {counted(len(others), 'more run')}." if others else ""
-    return f"campaign '{context.campaign}': no drive can be used; {place}: {reason}{more}"

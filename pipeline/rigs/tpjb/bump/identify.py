@@ -7,10 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.errors import InputError, listing
+from pipeline.errors import InputError
 from pipeline.findings import Findings, ModelResult, Published, Quality, Run
 from pipeline.recording import Recording
 from pipeline.rigs.experiment import Context
+from pipeline.rigs.nothing_usable import nothing_usable
 from pipeline.rigs.tpjb.bump.arrays import arrays_of
 from pipeline.rigs.tpjb.bump.bearing_fit import BearingFit, fit_bearing
 from pipeline.rigs.tpjb.bump.declaration import BumpSettings
@@ -44,7 +45,7 @@ def identify(recordings: Sequence[Recording], settings: BumpSettings, context: C
         except UnusableError as error:
             left_out.update({member.recording.run: str(error) for member in members})
     if not fits:
-        raise InputError(_nothing_usable(left_out, recordings, context))
+        raise InputError(nothing_usable(left_out, recordings))
     for run, reason in left_out.items():
         judgement.doubt(f"Run '{run}' was left out: {reason}.")
     for fit in fits.values():
@@ -71,16 +72,6 @@ def identify(recordings: Sequence[Recording], settings: BumpSettings, context: C
         advice=list(dict.fromkeys(judgement.advice)),
         arrays=arrays_of(fits),
     )
-
-
-def _nothing_usable(left_out: dict[str, str], recordings: Sequence[Recording], context: Context) -> str:
-    if not left_out:
-        return f"campaign '{context.campaign}': there is no run."
-    (first, reason), *others = left_out.items()
-    files = [source.path for r in recordings if r.run == first for source in r.provenance.files]
-    place = f"run '{first}' ({listing(files)})" if files else f"run '{first}'"
-    more = f" {len(others)} more cannot be used either: {listing(run for run, _ in others)}." if others else ""
-    return f"campaign '{context.campaign}': no run can be used; {place}: {reason}.{more}"
 
 
 def _say(record: Record, judgement: Judgement) -> None:

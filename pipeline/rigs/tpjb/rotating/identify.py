@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from pipeline.errors import InputError, counted, listing
+from pipeline.errors import InputError
 from pipeline.findings import Findings, Quality, Run
 from pipeline.findings.findings import OperatingPoint
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import Context
+from pipeline.rigs.nothing_usable import nothing_usable
 from pipeline.rigs.tpjb.conditions import run_groups
 from pipeline.rigs.tpjb.rotating.arrays import arrays_of
 from pipeline.rigs.tpjb.rotating.clearance import clearances_of
@@ -62,7 +63,7 @@ def identify(recordings: Sequence[Recording], settings: RotatingSettings, contex
     for at, members in run_groups([r for r in recordings if r.run in runs.turns]):
         groups += _fitted(at, [runs.turns[r.run] for r in members], settings, runs)
     if not groups:
-        raise InputError(_nothing_usable(runs, recordings, context))
+        raise InputError(nothing_usable(runs.left_out, recordings))
     uses, notes = fitting(groups, context.uses)
     runs.quality += notes
     stiffness = stiffness_of_load(groups, uses)
@@ -125,14 +126,3 @@ def _fitted(at: OperatingPoint, members: list[Turns], settings: RotatingSettings
         return []
     runs.quality += told
     return [group]
-
-
-def _nothing_usable(runs: _Sorted, recordings: Sequence[Recording], context: Context) -> str:
-    """Say why no run can be used: the first reason, and how many others there are."""
-    if not runs.left_out:
-        return f"campaign '{context.campaign}': there is no run."
-    (first, reason), *others = runs.left_out.items()
-    files = [source.path for r in recordings if r.run == first for source in r.provenance.files]
-    place = f"run '{first}' ({listing(files)})" if files else f"run '{first}'"
-    more = f" The same or another reason holds for {counted(len(others), 'more run')}." if others else ""
-    return f"campaign '{context.campaign}': no run can be used; {place}: {ended(reason)}{more}"
