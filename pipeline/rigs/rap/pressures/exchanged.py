@@ -23,8 +23,7 @@ def exchange_faults(record: Record, levels: Sequence[TapLevel]) -> list[QualityF
     found: list[QualityFinding] = []
     for reader in READERS:
         taps = {level.tap: level for level in levels if level.reader == reader and math.isfinite(level.rise)}
-        found += _signs(record, reader, taps) or _order(record, reader, taps)
-        found += _ultrafiltrate(record, reader, taps)
+        found += _ultrafiltrate(record, reader, taps) or _signs(record, reader, taps) or _order(record, reader, taps)
     return found
 
 
@@ -84,23 +83,23 @@ def _order(record: Record, reader: str, taps: dict[str, TapLevel]) -> list[Quali
     reversed_ = drop <= 0.0 and abs(drop) > _SIGMAS * error
     ratio = after.pulsation / before.pulsation if before.pulsation > 0.0 else math.inf
     told = (
-        f"{before.channel} is {before.rise:.0f} Pa and {after.channel} {after.rise:.0f} Pa with the pump on, the latter pulsates "
+        f"{before.channel} is {before.rise:.4g} Pa and {after.channel} {after.rise:.4g} Pa, and the latter pulsates "
         f"{ratio:.2g} times as much"
     )
     if reversed_ and ratio > _REVERSED:
         text = (
-            f"pre-filter and return exchanged? {told[0].upper() + told[1:]} ({WORDS[reader]} readings): the filter can only lower both. Map them the "
+            f"pre-filter and return exchanged? With the pump on, {told} ({WORDS[reader]} readings): the filter can only lower both. Map them the "
             "other way round in the recipe"
         )
         return [QualityFinding("error", text, record.run, before.channel)]
     if reversed_:
         text = (
-            f"pre-filter below return: {told}. Fluid cannot run uphill through the filter, yet the pulsation decays along it: a zero, gain or unit "
+            f"pre-filter below return: with the pump on, {told}. Fluid cannot run uphill through the filter, yet the pulsation decays along it: a zero, gain or unit "
             "of one of them is wrong"
         )
         return [QualityFinding("error", text, record.run, before.channel)]
     if ratio > _REVERSED:
-        text = f"air at the pre-filter sensor? {told}, while the means are in order: something soft (air, a loose dome) smooths the pre-filter reading"
+        text = f"air at the pre-filter sensor? With the pump on, {told}, while the means are in order: something soft (air, a loose dome) smooths the pre-filter reading"
         return [QualityFinding("warning", text, record.run, before.channel)]
     return []
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -19,8 +18,11 @@ _FROZEN, _TIMES = 2.0, 3.0
 _RAIL, _USELESS = 0.01, 0.3
 # A rail is a value that is held by runs of that many samples at least, at an end of the channel's range.
 _HELD = 3
-# Repeated rows are told from chance by that many of the latter's standard deviations.
-_SIGMAS, _FEW = 6.0, 3
+_PILED, _FEWEST = 3.0, 100
+# Steps of a converter that are wider than the noise let a channel rest by itself, Pa, s.
+_COARSE, _FROZEN_COARSE = 60.0, 60.0
+# Rows repeat by chance at rest, not where the values two rows apart differ by that many of the converter's steps.
+_MOVED, _FEW, _REPEATED = 4.0, 3, 1e-3
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ def lost_samples(record: Record) -> Lost:
     for source in record.sources.values():
         for one in source.taps.values():
             frozen = _frozen(one, source)
-            flat = _flat_tops(one) if not frozen else ()
+            flat = _flat_tops(one, source) if not frozen else ()
             if not frozen and not flat:
                 continue
             finding, whole = _told(record, one, frozen, flat)
@@ -66,8 +68,9 @@ def _frozen(one: Signal, source: Source) -> tuple[Span, ...]:
     lasts = one.time[last] - one.time[first]
     short = lasts[lasts < _FROZEN]
     usual = float(np.quantile(short, 0.99)) if short.size else 0.0
+    least = _FROZEN_COARSE if resolution(one) > _COARSE else _FROZEN
     # A coarse or slow channel rests often; one that seldom does, and then for long, hangs.
-    long = np.flatnonzero(lasts > max(_FROZEN, _TIMES * usual, 5.0 / one.rate))
+    long = np.flatnonzero(lasts > max(least, _TIMES * usual, 5.0 / one.rate))
     on = within(0.5 * (one.time[first[long]] + one.time[last[long]]), source.spans.on)
     whole = lasts[long] > 0.5 * (one.time[-1] - one.time[0])
     spans = tuple((float(one.time[first[i]]), float(one.time[last[i]])) for i in long[on | whole])
@@ -77,18 +80,25 @@ def _frozen(one: Signal, source: Source) -> tuple[Span, ...]:
     return () if rests else spans
 
 
-def _flat_tops(one: Signal) -> tuple[Span, ...]:
-    """Return spans at the upper or lower end of a channel's range where it is held there again and again."""
-    size = one.values.size
-    if size < 100:
-        return ()
+def _flat_tops(one: Signal, source: Source) -> tuple[Span, ...]:
+    """Return spans in which a running pump holds a channel at the upper or lower end of its range, again and again."""
     first, last = _runs(one)
+    running = within(one.time, source.spans.on)
+    values = one.values[running]
+    if values.size < _FEWEST:
+        return ()
     found: list[Span] = []
-    for rail in (float(one.values.max()), float(one.values.min())):
-        share = float(np.mean(one.values == rail))
-        at = (one.values[first] == rail) & (last - first + 1 >= _HELD)
-        held = float(np.sum((last - first + 1)[at])) / size
-        if share > _RAIL and held > 0.5 * share:
+    for rail in (float(values.max()), float(values.min())):
+        share = float(np.mean(values == rail))
+        inner = values[values != rail]
+        if share <= _RAIL or not inner.size:
+            continue
+        # A crest thins out towards its end; one that is cut off piles up there.
+        edge = inner.max() if rail > inner.max() else inner.min()
+        piled = share > _PILED * float(np.mean(values == edge))
+        at = (one.values[first] == rail) & (last - first + 1 >= _HELD) & running[first]
+        held = float(np.sum((last - first + 1)[at])) / values.size
+        if piled and held > 0.5 * share:
             found += [(float(one.time[i]), float(one.time[k])) for i, k in zip(first[at], last[at], strict=True)]
     return tuple(sorted(found))
 
@@ -144,23 +154,28 @@ def _other_reader(record: Record, name: str, frozen: Sequence[Span]) -> str:
 
 
 def _repeated(record: Record, source: Source) -> list[QualityFinding]:
-    """Tell rows that repeat the one before in every pressure, more than noise would by chance."""
-    taps = list(source.taps.values())
-    same_clock = [one for one in taps if one.time.size == taps[0].time.size and np.array_equal(one.time, taps[0].time)]
-    if len(same_clock) < 2 or taps[0].time.size < 100:
+    """Tell rows that repeat the one before in every pressure although the pressures move on around them."""
+    taps = [one for one in source.taps.values() if one.values.size > 2 and float(np.ptp(one.values)) > 0.0]
+    together = [one for one in taps if np.array_equal(one.time, taps[0].time)]
+    if len(together) < 2:
         return []
-    equal = np.array([np.diff(one.values) == 0.0 for one in same_clock if float(np.ptp(one.values)) > 0.0])
-    if equal.shape[0] < 2:
-        return []
-    rows = equal.all(axis=0)
-    chance = float(np.prod(equal.mean(axis=1))) * rows.size
+    equal = np.all([np.diff(one.values)[:-1] == 0.0 for one in together], axis=0)
+    moved = np.any([np.abs(one.values[2:] - one.values[:-2]) > _MOVED * resolution(one) for one in together], axis=0)
+    rows = equal & moved
     count = int(rows.sum())
-    if count <= chance + _SIGMAS * math.sqrt(chance) + _FEW:
+    if count <= max(_FEW, _REPEATED * rows.size):
         return []
-    first = float(same_clock[0].time[1:][rows][0])
+    first = float(together[0].time[1:-1][rows][0])
     text = (
-        f"duplicated samples: {count} rows of {', '.join(one.name for one in same_clock)} repeat the one before in every channel (first at "
-        f"{first:.4g} s), where noise would do so in about {chance:.0f}: the logger writes faster than the converter samples, or holds the last value over lost "
-        "ones. The stamps of these rows are off by up to a step"
+        f"duplicated samples: {count} rows repeat the one before in {', '.join(one.name for one in together)} while the pressures move on around them "
+        f"(first at {first:.4g} s): the logger writes faster than the converter samples, or holds the last value over a lost one. Their values are up "
+        "to a step late, which blurs lag and pole"
     )
-    return [QualityFinding("warning", text, record.run, same_clock[0].name)]
+    return [QualityFinding("warning", text, record.run, together[0].name)]
+
+
+def resolution(one: Signal) -> float:
+    """Return the smallest step between two samples of a channel, Pa; 0 where it never moves."""
+    steps = np.abs(np.diff(one.values))
+    steps = steps[steps > 0.0]
+    return float(steps.min()) if steps.size else 0.0

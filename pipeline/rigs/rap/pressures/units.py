@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from pipeline.errors import listing
 from pipeline.recording import QualityFinding
-from pipeline.rigs.rap.pressures.record import WORDS, Record
+from pipeline.rigs.rap.pressures.record import READERS, WORDS, Record
 from pipeline.rigs.rap.pressures.tap_levels import TapLevel
 
 # Pa in one of each: what a number may have been before somebody called it Pa.
@@ -27,51 +28,86 @@ _ALIKE, _NEAR = 1.6, 0.2
 
 
 def unit_faults(record: Record, levels: Sequence[TapLevel]) -> list[QualityFinding]:
-    """Return errors where a channel's size is that of another unit."""
-    found = {finding.channel: finding for finding in [*_by_the_other_reader(record, levels), *_by_size(record, levels)]}
-    return [*found.values(), *_flows(record)]
+    """Return errors where the size of channels is that of another unit, one for each reader and unit."""
+    found: list[QualityFinding] = []
+    told: set[str] = set()
+    for reader in READERS:
+        own = [level for level in levels if level.reader == reader]
+        for finding, channels in _by_size(record, own):
+            found.append(finding)
+            told.update(channels)
+    found += [finding for finding in _by_the_other_reader(record, levels) if finding.channel not in told]
+    return found + _flows(record)
 
 
-def _by_size(record: Record, levels: Sequence[TapLevel]) -> list[QualityFinding]:
-    """Judge each tap by the size that it must have with the pump on."""
+def _by_size(record: Record, levels: Sequence[TapLevel]) -> list[tuple[QualityFinding, list[str]]]:
+    """Judge the taps of one reader by the size that they must have with the pump on."""
+    low = [level for level in levels if _side(level) < 0]
+    high = [level for level in levels if _side(level) > 0]
     found = []
-    for level in levels:
-        if level.tap not in _POSSIBLE or not math.isfinite(level.rise):
+    for odd, power in ((low, 1), (high, -1)):
+        if not odd:
             continue
-        low, high = _POSSIBLE[level.tap]
-        size = abs(level.rise)
-        if low <= size <= high or (size < low and level.scatter > _PULSATES):
-            continue
-        up = size < low
-        unit = _fitting(size, PRESSURE_UNITS, (low, high), _USUAL[level.tap], up)
-        told = f"{_name(level)} is {level.rise:.4g} Pa with the pump on, where {low:g} to {high:g} Pa can be"
-        if unit and up:
-            factor = PRESSURE_UNITS[unit]
+        unit = _fitting(odd, power)
+        told = _sizes(odd, 1.0)
+        possible = listing([f"{_POSSIBLE[one.tap][0]:g} to {_POSSIBLE[one.tap][1]:g} Pa" for one in odd[:1]])
+        if not unit:
+            text = f"{told} with the pump on, where {possible} can be, and no unit of pressure explains it: look at scale and sensor"
+        elif power > 0:
             text = (
-                f"unit mix-up, factor {factor:.4g}: {told}; as {unit} it would be {level.rise * factor:.4g} Pa. Give its unit in the recipe, as "
-                f"'unit: {unit}'"
+                f"unit mix-up, factor {PRESSURE_UNITS[unit]:.4g}: {told} with the pump on, where {possible} can be; in {unit} these are "
+                f"{_sizes(odd, PRESSURE_UNITS[unit])}. Give the unit in the recipe, as 'unit: {unit}', also of {_of_reader(levels, odd)}"
             )
-        elif unit:
-            text = f"unit mix-up, factor 1/{PRESSURE_UNITS[unit]:.4g}: {told}; it was converted from {unit} and was none. Give its unit as 'unit: Pa'"
-        elif size == 0.0 or level.spread == 0.0:
-            continue
         else:
-            text = f"{told}, and no unit of pressure explains it: look at its scale in the recipe, or at the sensor"
-        found.append(QualityFinding("error", text, record.run, level.channel))
+            text = (
+                f"unit mix-up, factor 1/{PRESSURE_UNITS[unit]:.4g}: {told} with the pump on, where {possible} can be; the numbers were converted from "
+                f"{unit} and were none. Give the unit in the recipe, as 'unit: Pa'"
+            )
+        found.append(
+            (
+                QualityFinding("error", text, record.run, odd[0].channel),
+                [one.channel for one in (levels if unit else odd)],
+            )
+        )
     return found
 
 
-def _fitting(size: float, units: Mapping[str, float], possible: tuple[float, float], usual: float, up: bool) -> str:
-    """Return the unit by whose factor a size becomes possible, the nearest to the usual one; '' where there is none."""
-    low, high = possible
-    sizes = {unit: size * factor if up else size / factor for unit, factor in units.items()}
-    fits = {unit: abs(math.log(value / usual)) for unit, value in sizes.items() if low <= value <= high}
-    return min(fits, key=fits.__getitem__) if fits else ""
+def _of_reader(levels: Sequence[TapLevel], odd: Sequence[TapLevel]) -> str:
+    others = [level.channel for level in levels if level not in odd]
+    return listing(others, 4) if others else "channels of the same source"
+
+
+def _side(level: TapLevel) -> int:
+    """Return -1 where a level is too low to be in pascals, 1 where it is too high, 0 where it can be."""
+    if level.tap not in _POSSIBLE or not math.isfinite(level.rise) or level.spread == 0.0:
+        return 0
+    low, high = _POSSIBLE[level.tap]
+    size = abs(level.rise)
+    if size > high:
+        return 1
+    return -1 if size < low and not level.scatter > _PULSATES else 0
+
+
+def _fitting(levels: Sequence[TapLevel], power: int) -> str:
+    """Return the unit whose factor makes all levels possible and brings them nearest to the usual ones; '' for none."""
+    misfits = {}
+    for unit, factor in PRESSURE_UNITS.items():
+        sizes = [(abs(level.rise) * factor**power, level.tap) for level in levels]
+        if all(0.5 * _POSSIBLE[tap][0] <= size <= 2.0 * _POSSIBLE[tap][1] for size, tap in sizes):
+            misfits[unit] = sum(abs(math.log(size / _USUAL[tap])) for size, tap in sizes)
+    return min(misfits, key=misfits.__getitem__) if misfits else ""
+
+
+def _sizes(levels: Iterable[TapLevel], factor: float) -> str:
+    many = list(levels)
+    if factor == 1.0:
+        return ", ".join(f"{level.channel} is {level.rise:.3g} Pa" for level in many)
+    return ", ".join(f"{level.rise * factor:.4g}" for level in many) + " Pa"
 
 
 def _by_the_other_reader(record: Record, levels: Sequence[TapLevel]) -> list[QualityFinding]:
     """Judge two readers of one tap by one another: their ratio is that of two units."""
-    found = []
+    found: dict[str, QualityFinding] = {}
     bench = {level.tap: level for level in levels if level.reader == "bench"}
     for own in levels:
         other = bench.get(own.tap)
@@ -79,22 +115,17 @@ def _by_the_other_reader(record: Record, levels: Sequence[TapLevel]) -> list[Qua
             continue
         ratio = own.spread / other.spread
         wrong, right, off = (own, other, 1.0 / ratio) if ratio < 1.0 else (other, own, ratio)
-        if off < _ALIKE:
-            continue
         units = {unit: abs(off / factor - 1.0) for unit, factor in PRESSURE_UNITS.items()}
         unit = min(units, key=units.__getitem__)
-        if units[unit] > _NEAR:
+        if off < _ALIKE or units[unit] > _NEAR:
             continue
         text = (
-            f"unit mix-up, factor {PRESSURE_UNITS[unit]:.4g}: {_name(wrong)} varies by {wrong.spread:.3g}, {right.channel} at the same tap by "
-            f"{right.spread:.4g}: the former is in {unit} where the latter is in Pa. Give its unit in the recipe, as 'unit: {unit}'"
+            f"unit mix-up, factor {PRESSURE_UNITS[unit]:.4g}: {wrong.channel} ({WORDS[wrong.reader]} reading) varies by {wrong.spread:.3g} and "
+            f"{right.channel} at the same tap by {right.spread:.4g}: the former is in {unit} where the latter is in Pa. Give its unit in the recipe, as "
+            f"'unit: {unit}'"
         )
-        found.append(QualityFinding("error", text, record.run, wrong.channel))
-    return found
-
-
-def _name(level: TapLevel) -> str:
-    return f"{level.channel}, {WORDS[level.reader]} reading,"
+        found.setdefault(wrong.channel, QualityFinding("error", text, record.run, wrong.channel))
+    return list(found.values())
 
 
 def _flows(record: Record) -> list[QualityFinding]:
@@ -108,8 +139,14 @@ def _flows(record: Record) -> list[QualityFinding]:
         size = float(np.quantile(np.abs(one.values), 0.9)) if one is not None else 0.0
         if one is None or size == 0.0 or possible[0] <= size <= possible[1]:
             continue
-        unit = _fitting(size, FLOW_UNITS, possible, usual, True)
+        unit = _flow_unit(size, FLOW_UNITS, possible, usual)
         hint = f"; as {unit} it would fit" if unit else ""
         text = f"unit mix-up: {one.name} is {size:.4g} m3/s, where {possible[0]:g} to {possible[1]:g} m3/s can be{hint}. Give its unit in the recipe"
         found.append(QualityFinding("error", text, record.run, one.name))
     return found
+
+
+def _flow_unit(size: float, units: Mapping[str, float], possible: tuple[float, float], usual: float) -> str:
+    sizes = {unit: size * factor for unit, factor in units.items()}
+    fits = {unit: abs(math.log(value / usual)) for unit, value in sizes.items() if possible[0] <= value <= possible[1]}
+    return min(fits, key=fits.__getitem__) if fits else ""

@@ -34,7 +34,7 @@ def zero_faults(record: Record, levels: Sequence[TapLevel]) -> list[QualityFindi
             )
             found.append(QualityFinding("note", text, record.run, level.channel))
         elif math.isfinite(left) and abs(left) > ZERO_LIMIT:
-            stated = "" if head is None else f" its stated height explains {head:+.0f} Pa of it;"
+            stated = "" if not head else f" its stated height explains {head:+.0f} Pa of it;"
             text = (
                 f"zero not taken: {level.channel} ({WORDS[level.reader]} reading) is {level.off:+.0f} Pa ({level.off / 133.322:+.2f} mmHg) with the pump "
                 f"off;{stated} re-zero it; head = {abs(left) / (record.density * G0) * 100.0:.1f} cm: a sensor that much "
