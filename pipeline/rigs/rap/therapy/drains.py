@@ -1,0 +1,100 @@
+"""When the tank was emptied: announced by the key, or seen in the levels alone (rap.md, 3.9 and section 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.recording import QualityFinding
+from pipeline.rigs.rap.circuit.tank import Tank
+from pipeline.rigs.rap.tables import Signal
+from pipeline.rigs.rap.therapy.command import Command
+from pipeline.rigs.rap.therapy.levels import Levels
+
+LEAST_DROP = 50e-6
+"""Fall of the volume that means that the tank was emptied, m^3 (in less than a minute)."""
+_WITHIN = 60.0
+_AFTER_KEY = 600.0
+_COUNT = 11
+
+
+@dataclass(frozen=True)
+class Emptying:
+    """The tank was emptied at `time` (s), somewhere in `span`; `drop` (m^3; NaN where no level shows it)."""
+
+    time: float
+    span: tuple[float, float]
+    drop: float
+    announced: bool
+
+
+def drain_times(pressed: Signal | None, events: Sequence[float] = ()) -> list[float]:
+    """Return when the drain key was pressed, s: edges of `drain_pressed` and rows of the events, those within 5 s once."""
+    found = list(events)
+    if pressed is not None:
+        on = pressed.values > 0.5
+        found += pressed.time[on & ~np.concatenate([[False], on[:-1]])].tolist()
+    found.sort()
+    return [t for i, t in enumerate(found) if i == 0 or t - found[i - 1] > 5.0]
+
+
+def emptied(
+    levels: Levels, tank: Tank, command: Command, pressed: Sequence[float] = ()
+) -> tuple[tuple[Emptying, ...], bool, tuple[QualityFinding, ...]]:
+    """Return when the tank was emptied, whether the key says it was empty at the start, and what is odd about it.
+
+    A key pressed before anything has been pumped tells an empty tank. Elsewhere it closes a segment at the fall of the
+    level that follows within 10 min, or at the press where no echo shows a fall.
+    """
+    begin = float(levels.time[0]) if levels.time.size else 0.0
+    pumped = command.volume(np.array(pressed, dtype=float)) if len(pressed) else np.zeros(0)
+    early = [t for t, v in zip(pressed, pumped, strict=True) if t <= begin + 1.0 or v < 2e-6]
+    keys = [t for t in pressed if t not in early]
+    falls = _falls(levels, tank, command)
+    out, problems = [], []
+    for key in keys:
+        own = [f for f in falls if key - _WITHIN <= f.time <= key + _AFTER_KEY]
+        falls = [f for f in falls if f not in own]
+        seen = own[0] if own else Emptying(key, (key, key), float("nan"), True)
+        out.append(Emptying(max(seen.time, key), seen.span, seen.drop, True))
+    for fall in falls:
+        out.append(fall)
+        text = (
+            f"the tank loses {1e6 * fall.drop:.0f} mL without drain_pressed: emptied without the key; the volume is "
+            "restarted from the echoes after it and the segments are added up."
+        )
+        problems.append(QualityFinding("warning", text, channel="drain_pressed", span=fall.span))
+    out.sort(key=lambda e: e.time)
+    return tuple(out), bool(early), tuple(problems)
+
+
+def _falls(levels: Levels, tank: Tank, command: Command) -> list[Emptying]:
+    """Return falls of more than 50 mL between neighbouring groups of levels, what was pumped taken off."""
+    good = np.flatnonzero(levels.usable)
+    if good.size < 2 * _COUNT:
+        return []
+    time = levels.time[good]
+    rest = levels.level[good] * tank.area - command.volume(time)
+    from numpy.lib.stride_tricks import sliding_window_view
+
+    medians = np.median(sliding_window_view(rest, _COUNT), axis=1)
+    # medians[i] looks at i .. i + _COUNT - 1: before and after the step between i + _COUNT - 1 and i + _COUNT.
+    drop = medians[:-_COUNT] - medians[_COUNT:]
+    moving = np.where(levels.moving[good[_COUNT - 1 : -_COUNT]], 2.0, 1.0)
+    # The pump's gain may be a few per cent off over a long gap.
+    gap = time[_COUNT:][: drop.size] - time[_COUNT - 1 :][: drop.size]
+    doubt = 0.2 * command.at(time[_COUNT - 1 :][: drop.size]) * gap
+    found = drop > LEAST_DROP * moving + doubt
+    out: list[Emptying] = []
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], found, [False]]).astype(int)))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        best = first + int(np.argmax(drop[first:last]))
+        before, after = best + _COUNT - 1, best + _COUNT
+        # The fall itself lies where neighbours differ most.
+        near = np.arange(max(before - _COUNT + 1, 0), min(after + _COUNT - 1, time.size - 1))
+        step = near[int(np.argmax(rest[near] - rest[near + 1]))] if near.size else before
+        t0, t1 = float(time[step]), float(time[step + 1])
+        out.append(Emptying(float(np.nextafter(t0, np.inf)), (t0, t1), float(drop[best]), False))
+    return out

@@ -1,0 +1,243 @@
+"""Warming of the housing's air: eq. 7 per sensor, the device's error against the bench, the air for eq. 8 (rap.md, 3.6, 5.5)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.estimation.estimate import Estimate, estimate, undetermined
+from pipeline.recording import QualityFinding
+from pipeline.rigs.rap.circuit.thermal import housing_temperature
+from pipeline.rigs.rap.tables import Signal
+
+_TAU = (120.0, 7200.0)
+_TAU_START = 1000.0
+_FIRST_HOUR = 3600.0
+# A sensor whose offset nobody has checked, K (1 sigma): the device's own.
+_UNCHECKED = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class TemperatureFit:
+    """Eq. 7 fitted to one sensor: `source` rap or bench, `modelled` at the samples, `residual_sd` in K."""
+
+    source: str
+    initial: Estimate
+    final: Estimate
+    time_constant: Estimate
+    time: np.ndarray
+    measured: np.ndarray
+    modelled: np.ndarray
+    residual_sd: float
+    dof: int
+    problems: tuple[QualityFinding, ...]
+
+    @property
+    def estimates(self) -> tuple[Estimate, Estimate, Estimate]:
+        """T_0, T_inf, tau."""
+        return self.initial, self.final, self.time_constant
+
+
+@dataclass(frozen=True, eq=False)
+class TemperatureError:
+    """Device less bench: `error` (K) and `percent` (of the bench in degC, the paper's way) at `time` (s), shape (n,)."""
+
+    largest: Estimate
+    bias: Estimate
+    time: np.ndarray
+    error: np.ndarray
+    percent: np.ndarray
+    percent_max: float
+    problems: tuple[QualityFinding, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class AirTemperature:
+    """Course of the air in the housing: knots `time` (s), `values` (K), standard uncertainty `sd` (K), in words `source`."""
+
+    time: np.ndarray
+    values: np.ndarray
+    sd: float
+    source: str
+
+    def at(self, time: np.ndarray) -> np.ndarray:
+        """Return the temperature (K) at `time` (s), shape (n,); held beyond the ends."""
+        return np.interp(time, self.time, self.values)
+
+
+def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> TemperatureFit:
+    """Fit eq. 7 to one sensor.
+
+    Parameters
+    ----------
+    sensor
+        Air temperature, K; a handful of samples.
+    source
+        rap or bench; goes into `at`.
+    start
+        Moment (s) that T_0 is for: switching on.
+
+    Returns
+    -------
+    TemperatureFit
+        Numbers that the samples cannot tell have no value but a reason.
+    """
+    from pipeline.estimation.least_squares import Unknown, fit
+
+    t, T = sensor.time - start, sensor.values
+    at = {"source": source}
+    problems: list[QualityFinding] = []
+    if T.size < 5:
+        reason = (
+            f"{T.size} samples cannot tell three numbers of eq. 7; log the temperature every 10 min from switching on"
+        )
+        nothing = [undetermined(name, reason, at) for name in _NAMES]
+        return TemperatureFit(source, *nothing, sensor.time, T, np.full(T.size, np.nan), math.nan, 0, ())
+    span = float(t[-1] - t[0])
+    upper = min(max(_TAU[1], 2.0 * span), 86400.0)
+    unknowns = [
+        Unknown("T_0", float(T[0]), float(T[0]) - 10.0, float(T[0]) + 10.0, "K"),
+        Unknown("T_inf", float(T[-1]), float(T[-1]) - 10.0, float(T[-1]) + 10.0, "K"),
+        Unknown("tau", _TAU_START, _TAU[0], upper, "s", logarithmic=True),
+    ]
+    found = fit(lambda p: housing_temperature(t, p["T_0"], p["T_inf"], p["tau"]) - T, unknowns, starts=4)
+    values, sd, dof = found.values, found.std_error, found.dof
+    residual_sd = found.sigma
+    # Readings in coarse steps repeat the same error: half a step of doubt remains however many there are.
+    step = _step(T)
+    common = step / math.sqrt(12.0) * min(1.0, step / max(4.0 * residual_sd, 1e-9))
+    rise = abs(values["T_inf"] - values["T_0"])
+    lost = _why_lost(float(t[0]), span, rise, residual_sd, found.at_bound, sd)
+    modelled = housing_temperature(t, values["T_0"], values["T_inf"], values["tau"])
+    estimates = []
+    for name, key in zip(_NAMES, ("T_0", "T_inf", "tau"), strict=True):
+        if key in lost:
+            estimates.append(undetermined(name, lost[key], at))
+            continue
+        extra = 0.0 if key == "tau" else common
+        whole = math.hypot(sd[key], extra)
+        estimates.append(estimate(name, values[key], whole, dof=dof, at=at, logarithmic=key == "tau"))
+    if lost:
+        problems.append(QualityFinding("warning", next(iter(lost.values())) + ".", channel=f"temperature_air_{source}"))
+    initial, final, time_constant = estimates
+    return TemperatureFit(
+        source, initial, final, time_constant, sensor.time, T, modelled, residual_sd, dof, tuple(problems)
+    )
+
+
+_NAMES = ("temperature_initial", "temperature_final", "time_constant")
+
+
+def _why_lost(
+    first: float, span: float, rise: float, noise: float, at_bound: tuple[str, ...], sd: dict[str, float]
+) -> dict[str, str]:
+    """Return which numbers of eq. 7 the samples do not tell, and why."""
+    lost: dict[str, str] = {}
+    if rise < 4.0 * noise or rise < 0.3:
+        reason = f"the temperature moves by only {rise:.2g} K with {noise:.2g} K of noise, so no warming can be timed"
+        lost["tau"] = reason
+        return lost
+    late = first > _FIRST_HOUR / 4
+    why = (
+        f"the first sample stands {first / 60:.0f} min after the start; the first hour tells the time constant, and T_0 trades against it. Log from switching on"
+        if late
+        else f"the {span / 60:.0f} min of samples do not tell it. Log every 10 min from switching on, for an hour at least"
+    )
+    if "tau" in at_bound or not sd["tau"] < _TAU_START or not math.isfinite(sd["tau"]):
+        lost["tau"] = why
+    for key in ("T_0", "T_inf"):
+        if key in at_bound or not sd[key] < 1.5:
+            lost[key] = why
+    return lost
+
+
+def _step(values: np.ndarray) -> float:
+    """Return the resolution of readings, 0 where none shows."""
+    steps = np.diff(np.unique(np.round(values, 6)))
+    steps = steps[steps > 1e-5]
+    return float(steps.min()) if steps.size else 0.0
+
+
+def compare_temperatures(rap: Signal, bench: Signal, lag: float = 0.0) -> TemperatureError:
+    """Return the device's error against the bench, K, at the device's samples within the bench's record.
+
+    Parameters
+    ----------
+    rap, bench
+        Air temperature of either, each on its own clock.
+    lag
+        What the bench's clock shows more than the device's, s.
+
+    Raises
+    ------
+    InputError
+        If the two records do not overlap.
+    """
+    time = rap.time + lag
+    reach = max(float(np.median(np.diff(bench.time))), 1.0) if bench.time.size > 1 else 600.0
+    inside = (time > bench.time[0] - 0.5 * reach) & (time < bench.time[-1] + 0.5 * reach)
+    if not inside.any():
+        raise InputError(
+            "temperature_air_rap and temperature_air_bench do not overlap in time; look at the clocks of the two tables."
+        )
+    reference = np.interp(time[inside], bench.time, bench.values)
+    error = rap.values[inside] - reference
+    percent = 100.0 * np.abs(error) / np.maximum(np.abs(reference - 273.15), 1e-3)
+    doubt = _reading_sd(bench)
+    largest = float(np.abs(error).max())
+    scatter = float(error.std(ddof=1)) if error.size > 1 else doubt
+    bias = estimate(
+        "temperature_bias", float(error.mean()), scatter / math.sqrt(error.size), dof=max(error.size - 1, 1)
+    )
+    remark = (
+        f"largest of {error.size} differences; in the paper's way {percent.max():.2f} % of the bench's reading in degC. "
+        "The error told is the bench's: its noise and resolution"
+    )
+    problems = []
+    if inside.sum() < 0.5 * rap.time.size:
+        text = f"only {int(inside.sum())} of {rap.time.size} temperatures of the device lie within the bench's record."
+        problems.append(QualityFinding("warning", text, channel="temperature_air_bench"))
+    return TemperatureError(
+        estimate("temperature_error_max", largest, doubt, reason=remark),
+        bias,
+        rap.time[inside],
+        error,
+        percent,
+        float(percent.max()),
+        tuple(problems),
+    )
+
+
+def _reading_sd(sensor: Signal) -> float:
+    """Return the noise of one reading, K: from second differences, which a slow course does not enter, and the steps."""
+    T, step = sensor.values, _step(sensor.values)
+    if T.size < 5:
+        return max(0.1, step)
+    second = np.diff(T, 2)[1:] if T.size > 6 else np.diff(T, 2)
+    noise = 1.4826 * float(np.median(np.abs(second))) / math.sqrt(6.0)
+    return math.hypot(max(noise, 0.01), step / math.sqrt(12.0))
+
+
+def air_temperature(rap: Signal | None, bench: Signal | None, lag: float = 0.0) -> AirTemperature | None:
+    """Return the air's temperature for eq. 8: the bench's where there is one, else the device's; None without either.
+
+    Where eq. 7 describes the samples its smooth course is taken, else the samples with straight lines between them.
+    """
+    from pipeline.estimation.residuals import runs_test
+
+    chosen, sd, word = (bench, 0.1, "bench") if bench is not None else (rap, _UNCHECKED, "device")
+    if chosen is None:
+        return None
+    time = chosen.time - (lag if bench is not None else 0.0)
+    course = fit_temperature(Signal(chosen.name, time, chosen.values), "bench" if bench is not None else "rap")
+    passed = course.dof >= 5 and course.time_constant.determined and course.initial.determined
+    if passed and runs_test(course.measured - course.modelled).passed:
+        dense = np.arange(time[0], time[-1] + 60.0, 60.0)
+        T_0, T_inf, tau = (float(e.value or 0.0) for e in course.estimates)
+        return AirTemperature(
+            dense, housing_temperature(dense, T_0, T_inf, tau), sd, f"eq. 7 through the {word}'s samples"
+        )
+    return AirTemperature(time, chosen.values, sd, f"the {word}'s samples, straight lines between them")
