@@ -53,7 +53,7 @@ def back_pressure(c: Circuit, Q: float, Q_uf: float) -> float:
 
 def speed_for(p: Pump, c: Circuit, Q: float, Q_uf: float = 0.0) -> float:
     """Return the frequency of roller passages that delivers `Q` (m^3/s) into the circuit, Hz."""
-    return Q / stroke(p, back_pressure(c, Q, Q_uf))
+    return Q / float(stroke(p, back_pressure(c, Q, Q_uf)))
 
 
 def flow_at(p: Pump, c: Circuit, f: float, Q_uf: float = 0.0) -> float:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,11 +25,11 @@ class Step:
 
 @dataclass(frozen=True)
 class Change:
-    """From `start` to `end` (s) the circuit is what `made` makes of it."""
+    """From `start` to `end` (s) constants of the circuit are so many `times` what they are."""
 
     start: float
     end: float
-    made: Callable[[Circuit], Circuit]
+    times: Mapping[str, float]
 
 
 def wander(rng: np.random.Generator, n: int, step: float, sd: float, memory: float) -> np.ndarray:
@@ -78,6 +78,6 @@ def _circuits(changes: Sequence[Change], circuit: Circuit, time: np.ndarray) -> 
         now = circuit
         for change in changes:
             if change.start <= edge < change.end:
-                now = change.made(now)
+                now = replace(now, **{name: getattr(now, name) * times for name, times in change.times.items()})
         circuits.append(now)
     return which, circuits

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numba as nb
 import numpy as np
@@ -82,7 +83,8 @@ def march(
     columns = np.array([GROUPS[wanted[name][0]] for name in names])
     out, phase = np.zeros((moments.size, columns.shape[1])), np.zeros(moments.size)
     states, volumes = np.zeros((drive.uf.size, 6)), np.zeros((drive.uf.size, 2))
-    _march(
+    compiled: Any = _march
+    compiled(
         *(np.stack(m) for m in zip(*spaces, strict=True)),
         *(np.ascontiguousarray(np.stack(m)) for m in zip(*stepped, strict=True)),
         drive.speed, drive.V_g, drive.uf, drive.circuit.astype(np.int64), drive.heparin,

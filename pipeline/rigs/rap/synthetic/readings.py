@@ -12,6 +12,8 @@ from pipeline.rigs.rap.conditions import TAPS, pressure
 from pipeline.rigs.rap.synthetic.truth import RigTruth, per_tap
 
 _G = 9.81
+Columns = dict[str, tuple[np.ndarray, str]]
+"""Channels of a table by name: values and SI unit ('' for text)."""
 
 
 def stream(name: str, time: np.ndarray, columns: Mapping[str, tuple[np.ndarray, str]]) -> Stream:

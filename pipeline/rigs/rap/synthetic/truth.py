@@ -14,7 +14,6 @@ from pipeline.errors import InputError
 from pipeline.rigs.overridden import overridden
 from pipeline.rigs.rap.circuit.hydraulics import Circuit
 from pipeline.rigs.rap.circuit.pump import Pump
-from pipeline.rigs.rap.circuit.tank import Tank
 from pipeline.rigs.rap.conditions import TAPS
 
 ML_MIN = 1e-6 / 60.0
@@ -148,6 +147,37 @@ class PressuresTruth(RigTruth):
     run: str = "rap_press_steps"
 
 
+@dataclass(frozen=True)
+class FlowTruth(RigTruth):
+    """R2 and R3: each of `flows` (m^3/s) at each setting of the clamp on the access line, which makes R_a that many times.
+
+    Attributes
+    ----------
+    calibration_clamps, holdout_clamps
+        Settings of the clamp of either set.
+    hold
+        Seconds at each set-point and setting.
+    tube_change
+        How much V_g of the other tube differs, as a share.
+    sets
+        Which of calibration, holdout and tube (the hold-out with the other tube) to make.
+    split
+        Whether each setting of the clamp is a run of its own.
+    """
+
+    flows: Sequence[float] = (60.0 * ML_MIN, 80.0 * ML_MIN, 100.0 * ML_MIN)
+    calibration_clamps: Sequence[float] = (1.0, 2.0, 4.0, 6.0)
+    holdout_clamps: Sequence[float] = (1.0, 3.0, 5.0)
+    hold: float = 60.0
+    zero_time: float = 20.0
+    stop_time: float = 10.0
+    tube_change: float = -0.02
+    sets: Sequence[str] = ("calibration", "holdout", "tube")
+    split: bool = False
+    meter_gain: float = 1.004
+    uf_flow: float = 0.0
+
+
 AnyTruth = TypeVar("AnyTruth", bound=RigTruth)
 
 
@@ -167,7 +197,7 @@ def truth_of(usual: AnyTruth, overrides: Mapping[str, Any]) -> AnyTruth:
 # What may be zero or negative; every other number is more than 0.
 _SIGNED = (
     *(f"{name}_{tap}" for name in ("offset", "height") for tap in TAPS),
-    *("bench_offset", "device_lag", "device_ppm", "bench_ppm", "scale_lag", "scale_ppm", "skew", "a"),
+    *("bench_offset", "tube_change", "device_lag", "device_ppm", "bench_ppm", "scale_lag", "scale_ppm", "skew", "a"),
 )  # fmt: skip
 _ZERO_OR_MORE = (
     "V_d0", "C_p", "heparin_flow", "speed_scatter", "sensor_noise", "adc_noise", "bench_noise", "device_lsb", "bench_lsb",
@@ -216,6 +246,3 @@ def per_tap(truth: RigTruth, name: str) -> tuple[float, float, float, float]:
     """Return a number of the four taps, in the order of `TAPS`."""
     access, prefilter, back, uf = (float(getattr(truth, f"{name}_{tap}")) for tap in TAPS)
     return access, prefilter, back, uf
-
-
-__all__ = ["ML_MIN", "PressuresTruth", "RigTruth", "Tank", "circuit_of", "per_tap", "pump_of", "truth_of"]
