@@ -22,7 +22,25 @@ CODES = {
     "EMERGENCY_STOP": "emergency button pressed",
     "WATCHDOG": "watchdog not served",
 }
-_NOTHING = {"", "0", "0.0", "none", "no", "ok", "nan", "null", "-", "--", "clear", "cleared", "normal", "reset", "off", "noalarm", "false"}
+_NOTHING = {
+    "",
+    "0",
+    "0.0",
+    "none",
+    "no",
+    "ok",
+    "nan",
+    "null",
+    "-",
+    "--",
+    "clear",
+    "cleared",
+    "normal",
+    "reset",
+    "off",
+    "noalarm",
+    "false",
+}
 # Stems that must all stand in the letters of a logged word; the first line that fits decides.
 _STEMS = (
     ("EMERGENCY_STOP", ("emerg",)),

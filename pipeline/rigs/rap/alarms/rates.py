@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.rigs.rap.alarms.types import Rate
+from pipeline.rigs.rap.alarms.results import Rate
 
 
 def rate(count: int, seconds: float) -> Rate:

@@ -32,6 +32,8 @@ class DeviceLog:
         Channels of 0 and 1 by name, such as ``air_detected``.
     states, codes, warnings
         Rows of the list of events.
+    lists_codes
+        Whether the log has a column of alarm codes at all, be it empty.
     """
 
     run: str
@@ -46,6 +48,7 @@ class DeviceLog:
     states: tuple[Entry, ...] = ()
     codes: tuple[Entry, ...] = ()
     warnings: tuple[Entry, ...] = ()
+    lists_codes: bool = False
 
 
 @dataclass(frozen=True, eq=False)
