@@ -1,0 +1,144 @@
+"""Lag from starts, stops and steps alone, over +-30 s, and whether another lag fits as well (rap.md, 5.1 a).
+
+The result is good to some hundredths of a second: which stroke is which. The fine part is in `fine`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.rigs.rap.alignment.features import STEP, Course, correlation, course
+from pipeline.rigs.rap.alignment.pair import Pair
+from pipeline.rigs.rap.alignment.result import Coarse
+
+SEARCH = 30.0
+"""How far stamps of one run lie apart at the most, s; beyond it is looked only where nothing is found within."""
+AMBIGUOUS = 0.9
+# A correlation below it is none.
+_LEAST = 0.5
+# A pair counts where its correlation is that high; against the others where it is that low.
+_AGAINST = 0.7
+# Over that time a feature must change the level by this share of the largest pulsation, s and 1.
+_FEATURE_TIME, _FEATURE = 3.0, 0.25
+# Two peaks lie further apart than a feature is wide, s.
+_APART = 1.0
+
+
+def coarse_lag(pairs: Sequence[Pair], search: float = SEARCH) -> Coarse:
+    """Return the lag that what is aperiodic in the pairs tells.
+
+    Parameters
+    ----------
+    pairs
+        At least one.
+    search
+        Lags up to that, s; all lags with overlap are searched where none within it fits.
+    """
+    step = max(STEP, 0.5 * max(max(1.0 / pair.device.rate, 1.0 / pair.bench.rate) for pair in pairs))
+    courses = [(pair, course(pair.device, step), course(pair.bench, step)) for pair in pairs]
+    featured = _featured(courses)
+    found = _best(courses, -search, search)
+    if found is None or found.peak < _LEAST:
+        wide = _best(courses, -np.inf, np.inf)
+        if wide is not None and (found is None or wide.peak > found.peak + 0.2):
+            found = replace(wide, wide=True)
+    if found is None:
+        nothing = np.empty(0)
+        return Coarse(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, nothing, nothing, featured=False)
+    return replace(found, featured=featured)
+
+
+def _featured(courses: Sequence[tuple[Pair, Course, Course]]) -> bool:
+    """Tell whether a level changes within seconds by more than pulsation and noise let it."""
+    pulsation = max(
+        (np.sqrt(2.0) * _about_level(pair) for pair, _, _ in courses if pair.alike),
+        default=0.0,
+    )
+    changes = []
+    for pair, device, bench in courses:
+        both = []
+        for one in (device, bench):
+            gap = max(round(_FEATURE_TIME / one.step), 1)
+            change = np.abs(one.level[gap:] - one.level[:-gap]) * (one.known[gap:] & one.known[:-gap])
+            usual = float(np.median(change))
+            both.append(float(change.max(initial=0.0)) / max(_FEATURE * pulsation if pair.alike else 0.0, 6.0 * usual, 1e-300))
+        changes.append(min(both))
+    return max(changes, default=0.0) > 1.0
+
+
+def _prominence(one: Course) -> float:
+    """Return the power of a course over what it would be with its median slope all along: large where it has features."""
+    power = one.slope[one.known] ** 2
+    usual = float(np.median(power)) / 0.455 if power.size else 0.0
+    return max(float(power.mean()) / usual - 1.0, 0.01) if usual > 0 else 1e6
+
+
+def _about_level(pair: Pair) -> float:
+    """Return the usual standard deviation of the bench's channel within two seconds, its unit."""
+    size = max(round(2.0 * pair.bench.rate), 4)
+    count = pair.bench.values.size // size
+    if not count:
+        return float(np.std(pair.bench.values))
+    return float(np.median(np.std(pair.bench.values[: count * size].reshape(count, size), axis=1)))
+
+
+def _best(courses: Sequence[tuple[Pair, Course, Course]], lowest: float, highest: float) -> Coarse | None:
+    """Return the highest peak of the mean correlation between two lags; None where nothing overlaps."""
+    each = []
+    lags: np.ndarray | None = None
+    for pair, device, bench in courses:
+        at, value = correlation(device, bench, lowest, highest)
+        if not np.isfinite(value).any():
+            continue
+        extreme = int(np.nanargmax(np.abs(value)))
+        each.append((pair, at, value, np.sign(value[extreme]), min(_prominence(device), _prominence(bench))))
+        lags = at if lags is None else lags
+    if lags is None:
+        return None
+    grid = np.round(lags / courses[0][1].step) * courses[0][1].step if len(each) > 1 else lags
+    weight, total = np.zeros(grid.size), np.zeros(grid.size)
+    flipped = []
+    for pair, at, value, sign, prominence in each:
+        known = np.isfinite(value)
+        on_grid = np.interp(grid, at[known], sign * value[known], left=np.nan, right=np.nan)
+        power = prominence * float(np.nanmax(np.abs(value))) ** 4
+        inside = np.isfinite(on_grid)
+        total[inside] += power * on_grid[inside]
+        weight[inside] += power
+        if pair.alike and sign < 0 and float(np.nanmax(np.abs(value))) > _AGAINST:
+            flipped.append(pair.name)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(weight > 0.5 * weight.max(), total / weight, np.nan)
+    return _peaks(courses, grid, mean, tuple(flipped))
+
+
+def _peaks(
+    courses: Sequence[tuple[Pair, Course, Course]], lags: np.ndarray, mean: np.ndarray, flipped: tuple[str, ...]
+) -> Coarse:
+    filled = np.where(np.isfinite(mean), mean, -2.0)
+    best = int(filled.argmax())
+    lag = float(lags[best])
+    if 0 < best < lags.size - 1 and min(filled[best - 1], filled[best + 1]) > -2.0:
+        left, centre, right = filled[best - 1 : best + 2]
+        bend = left - 2.0 * centre + right
+        lag += 0.5 * (left - right) / bend * (lags[1] - lags[0]) if bend < 0 else 0.0
+    inner = np.flatnonzero((filled[1:-1] >= filled[:-2]) & (filled[1:-1] >= filled[2:])) + 1
+    others = inner[np.abs(lags[inner] - lag) > _APART]
+    second = int(others[filled[others].argmax()]) if others.size else -1
+    device = courses[0][2]
+    energy = device.slope**2
+    at = device.start + device.step * float(np.average(np.arange(energy.size), weights=energy + 1e-300))
+    return Coarse(
+        lag,
+        0.05,
+        at,
+        float(filled[best]),
+        max(float(filled[second]), 0.0) if others.size else 0.0,
+        float(lags[second]) if others.size else float("nan"),
+        lags,
+        mean,
+        flipped=flipped,
+    )

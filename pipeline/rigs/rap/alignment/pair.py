@@ -1,0 +1,51 @@
+"""Which channels of two clocks see the same thing: what a lag can be found from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.recording import Recording
+from pipeline.rigs.rap.conditions import TAPS, pressure
+from pipeline.rigs.rap.tables import Signal, signal
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A channel of the device and one of the bench, each on its own clock.
+
+    `alike` tells that both are the same quantity: then harmonics are compared as well, else only steps.
+    """
+
+    name: str
+    device: Signal
+    bench: Signal
+    alike: bool = True
+
+    @property
+    def usable(self) -> bool:
+        """Tell whether both have samples enough, and more than one value."""
+        both = (self.device, self.bench)
+        return all(s.time.size >= 20 and float(np.ptp(s.values)) > 0.0 for s in both)
+
+
+def pairs_of(recording: Recording) -> tuple[Pair, ...]:
+    """Return the pressures that both device and bench read; where there is none, a pressure and the flow meter.
+
+    Empty where the run holds no two clocks that see the same thing.
+    """
+    taps = tuple(_pair(recording, tap, pressure(tap, "rap"), pressure(tap, "bench")) for tap in TAPS)
+    alike = tuple(pair for pair in taps if pair is not None and pair.usable)
+    if alike:
+        return alike
+    for tap in ("prefilter", "access", "return"):
+        found = _pair(recording, tap, pressure(tap, "rap"), "blood_flow_bench", alike=False)
+        if found is not None and found.usable:
+            return (found,)
+    return ()
+
+
+def _pair(recording: Recording, name: str, device: str, bench: str, alike: bool = True) -> Pair | None:
+    ours, theirs = signal(recording, device), signal(recording, bench)
+    return Pair(name, ours, theirs, alike) if ours is not None and theirs is not None else None
