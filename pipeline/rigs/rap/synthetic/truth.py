@@ -198,10 +198,15 @@ def truth_of(usual: AnyTruth, overrides: Mapping[str, Any]) -> AnyTruth:
 _SIGNED = (
     *(f"{name}_{tap}" for name in ("offset", "height") for tap in TAPS),
     *("bench_offset", "tube_change", "device_lag", "device_ppm", "bench_ppm", "scale_lag", "scale_ppm", "skew", "a"),
+    *("level_sensor_dx", "level_sensor_dy", "level_offset", "pitch", "roll", "temperature_offset", "scale_tare", "fouling"),
+    *("motion_pitch",),
 )  # fmt: skip
 _ZERO_OR_MORE = (
     "V_d0", "C_p", "heparin_flow", "speed_scatter", "sensor_noise", "adc_noise", "bench_noise", "device_lsb", "bench_lsb",
-    "device_jitter", "bench_jitter", "scale_jitter", "meter_noise", "zero_time", "stop_time", "uf_flow",
+    "device_jitter", "bench_jitter", "scale_jitter", "meter_noise", "zero_time", "stop_time", "uf_flow", "wear", "pump_gain_scatter", "loop_least", "tank_blind_level",
+    "initial_volume", "level_noise", "level_lsb", "wild_echoes", "accel_noise", "temperature_noise", "temperature_lsb",
+    "bench_temperature_noise", "bench_temperature_lsb", "scale_noise", "power_scatter", "battery_resistance", "battery_noise",
+    "motion_volume", "motion_pitch_scatter", "motion_roll_scatter", "walking_time", "walking_accel", "slosh", "alarm_delay",
 )  # fmt: skip
 _LONGEST = 86400.0
 
