@@ -90,8 +90,7 @@ def find_passages(
         rate = 1.0 / float(np.median(np.diff(time)))
         for stack in stacks(time, values, windows):
             coarse = _peak(stack, rate, (band[0], min(band[1], 0.45 * rate)))
-            orders = _ORDERS[np.nanmax(coarse, initial=band[0]) * 1.05 * _ORDERS < 0.47 * rate]
-            frequency[stack.rows], error[stack.rows] = _refined(stack, coarse, orders if orders.size else _ORDERS[:1])
+            _refine(stack, coarse, rate, frequency[stack.rows], error[stack.rows])
     fitted = harmonics(time, values, windows, frequency)
     state = np.full(windows.size, TURNING, dtype=object)
     line, noise = fitted.amplitude(1), fitted.amplitude_error(1)
@@ -118,12 +117,21 @@ def _peak(stack: Stack, rate: float, band: tuple[float, float]) -> np.ndarray:
     return np.where(stack.weight.sum(axis=1) > 8, lines[within[power.argmax(axis=1)]], np.nan)
 
 
+def _refine(stack: Stack, coarse: np.ndarray, rate: float, frequency: np.ndarray, error: np.ndarray) -> None:
+    """Fill in frequency and error (views, Hz, shape (w,)), with as many of the three orders as the sampling rate lets see."""
+    seen = np.clip(np.nan_to_num(0.47 * rate / (1.0 + _SEARCH) / coarse, nan=1.0).astype(int), 1, _ORDERS.size)
+    for count in np.unique(seen[np.isfinite(coarse)]):
+        at = np.flatnonzero(np.isfinite(coarse) & (seen == count))
+        part = Stack(stack.rows, stack.offset[at], stack.values[at], stack.weight[at])
+        frequency[at], error[at] = _refined(part, coarse[at], _ORDERS[:count])
+
+
 def _refined(stack: Stack, coarse: np.ndarray, orders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the frequency of least residual within 8 % of `coarse` and its standard error, Hz, shape (w,) each.
 
     Gauss-Newton on the frequency with the linear part projected out; a step that does not help is shortened.
     """
-    best = np.where(np.isfinite(coarse), coarse, 1.0)
+    best = coarse
     low, high = best * (1.0 - _SEARCH), best * (1.0 + _SEARCH)
     trial, step = best.copy(), np.zeros_like(best)
     least = np.full(best.shape, np.inf)
@@ -141,7 +149,7 @@ def _refined(stack: Stack, coarse: np.ndarray, orders: np.ndarray) -> tuple[np.n
         trial = best + step
         if np.all(np.abs(step) < 1e-7):
             break
-    return np.where(np.isfinite(coarse), best, np.nan), np.where(np.isfinite(coarse), error, np.nan)
+    return best, error
 
 
 def _slope(

@@ -1,0 +1,175 @@
+"""All runs of a campaign together: meter's line, calibration, errors on each set, estimated flows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.recording import QualityFinding
+from pipeline.rigs.rap.flow.calibration import LAWS, Calibrated, LeftOut, calibrate, leave_set_points_out, usable
+from pipeline.rigs.rap.flow.declaration import FlowSettings
+from pipeline.rigs.rap.flow.determined import unphysical, why_not_pressure, why_not_pulsation
+from pipeline.rigs.rap.flow.flows import flow_rows
+from pipeline.rigs.rap.flow.location import Location, blood_flow, locate
+from pipeline.rigs.rap.flow.results import ESTIMATORS, Campaign, ErrorRow
+from pipeline.rigs.rap.flow.run_windows import RunNumbers
+from pipeline.rigs.rap.flow.sets import CALIBRATION, sets_of
+from pipeline.rigs.rap.flow.trap import trap_of, unclamped
+from pipeline.rigs.rap.flow.windows import FlowWindows, stacked
+
+# The paper's lowest set-point, at which E0 is calibrated, m^3/s.
+_LOWEST = 1e-6
+
+
+def campaign_of(runs: Sequence[RunNumbers], settings: FlowSettings) -> Campaign:
+    """Calibrate on the calibration windows, and try what came out on all."""
+    windows = stacked([run.windows for run in runs])
+    problems: list[QualityFinding] = []
+    location = locate(_stated(runs), windows)
+    windows = blood_flow(windows, location.trusted)
+    sets = sets_of(windows)
+    problems += sets.problems
+    windows = replace(windows, role=sets.label)
+    fitted = windows.of((sets.label == CALIBRATION) & np.isfinite(windows.flow))
+    laws, refused = _laws(fitted, _nothing(windows, fitted, location))
+    left_out = {name: _left_out(law) for name, law in laws.items() if name in ("E2", "E2 quadratic", "E3")}
+    gain_u, stated = _gain_u(runs, settings)
+    uf_u = 0.0
+    if location.trusted == "return" and fitted.size:
+        uf_u = settings.uf_gain_u * float(np.mean(fitted.uf / fitted.flow))
+    zero_u = 0.0 if any(run.zeros[t].known for run in runs for t in run.zeros if t == "prefilter") else settings.zero_u
+    found = Campaign(
+        runs=list(runs),
+        windows=windows,
+        calibration=fitted,
+        location=location,
+        laws=laws,
+        refused=refused,
+        left_out=left_out,
+        errors=_errors(windows, laws, sets.names),
+        flows=[],
+        trap=trap_of(fitted),
+        tube=sets.tube,
+        gain_u=gain_u,
+        gain_stated=stated,
+        uf_u=uf_u,
+        zero_u=zero_u * float(np.sqrt(2.0)),
+        problems=problems,
+    )
+    return replace(found, flows=flow_rows(found, settings))
+
+
+def _stated(runs: Sequence[RunNumbers]) -> str:
+    stated = {run.run.location for run in runs if run.run.meter is not None}
+    return stated.pop() if len(stated) == 1 else ""
+
+
+def _nothing(windows: FlowWindows, fitted: FlowWindows, location: Location) -> str:
+    """Return why nothing at all can be calibrated; '' where something can."""
+    if fitted.size:
+        return ""
+    inside = windows.role == CALIBRATION
+    if not inside.any():
+        return "no run of the set 'calibration' has a window in which the pump turns steadily"
+    if not np.isfinite(windows.metered[inside]).any():
+        return (
+            "no calibration run has a flow meter (blood_flow_bench) in its windows: there is nothing to calibrate the estimators against. A "
+            "device's own blood_flow_rap is an estimate itself"
+        )
+    why = (
+        "the runs state different lines or none"
+        if not location.stated
+        else "the readings contradict the line that is stated"
+    )
+    return (
+        f"flowmeter_location: {why}, and ultrafiltrate was drawn in all windows: a meter on the return line reads the blood flow less the UF rate, "
+        "5 to 8 % too little at 60 to 100 mL/min with 5 mL/min. State flowmeter_location (access or return), or calibrate with UF off"
+    )
+
+
+def _laws(fitted: FlowWindows, nothing: str) -> tuple[dict[str, Calibrated], dict[str, str]]:
+    """Return the laws that these windows determine, and why others are not."""
+    laws: dict[str, Calibrated] = {}
+    refused: dict[str, str] = {}
+    for name, law in LAWS.items():
+        inside = usable(law, fitted)
+        if nothing:
+            refused[name] = nothing
+            continue
+        if name == "E0":
+            inside = _lowest(inside)
+        why = {"E2": why_not_pulsation, "E2 quadratic": why_not_pulsation, "E3": why_not_pressure}.get(name)
+        reason = (
+            why(inside)
+            if why
+            else ("" if inside.size else "no calibration window has a frequency and a blood flow of the meter")
+        )
+        if reason:
+            refused[name] = reason
+            continue
+        done = calibrate(law, inside)
+        if not np.isfinite(done.values).all():
+            refused[name] = "the calibration windows do not tell its coefficients apart"
+        elif reason := unphysical(law.names, done.values):
+            refused[name] = reason
+        else:
+            laws[name] = done
+    return laws, refused
+
+
+def _lowest(windows: FlowWindows) -> FlowWindows:
+    """Return the unclamped windows of the set-point nearest to 60 mL/min."""
+    open_line = windows.of(unclamped(windows))
+    if not open_line.size:
+        return open_line
+    level = open_line.flow_set if np.isfinite(open_line.flow_set).all() else open_line.flow
+    nearest = level[np.argmin(np.abs(level - _LOWEST))]
+    return open_line.of(np.abs(level - nearest) < 0.05 * nearest)
+
+
+def _left_out(law: Calibrated) -> list[LeftOut]:
+    return leave_set_points_out(law.law, law.windows)
+
+
+def _errors(windows: FlowWindows, laws: dict[str, Calibrated], names: Sequence[str]) -> list[ErrorRow]:
+    """Return the errors of every estimator, and of the device's own estimate, on each set."""
+    rows = []
+    for name in names:
+        inside = windows.of((windows.role == name) & np.isfinite(windows.flow) & (windows.flow > 0.0))
+        for estimator in (*ESTIMATORS, "E2 quadratic", "affine"):
+            if estimator in laws:
+                rows += _row(estimator, name, inside, laws[estimator].errors(inside))
+        rows += _row("rap", name, inside, inside.own / inside.flow - 1.0)
+    return rows
+
+
+def _row(estimator: str, name: str, inside: FlowWindows, errors: np.ndarray) -> list[ErrorRow]:
+    known = np.isfinite(errors)
+    if not known.any():
+        return []
+    e = errors[known]
+    at = int(np.flatnonzero(known)[np.argmax(np.abs(e))])
+    where = f"run {inside.run[at]}"
+    if np.isfinite(inside.flow_set[at]):
+        where += f", {inside.set_point[at]:g} mL/min"
+    if inside.clamp[at]:
+        where += f", clamp {inside.clamp[at]}"
+    return [
+        ErrorRow(
+            estimator,
+            name,
+            float(np.abs(e).max()),
+            float(np.sqrt(np.mean(e**2))),
+            float(np.mean(e)),
+            int(e.size),
+            where,
+        )
+    ]
+
+
+def _gain_u(runs: Sequence[RunNumbers], settings: FlowSettings) -> tuple[float, bool]:
+    """Return the largest type B uncertainty of the meter's gain that a run states, else the setting; whether it is stated."""
+    stated = [u for run in runs if (u := run.run.number("flowmeter_gain_u")) is not None]
+    return (max(stated), True) if stated else (settings.flow_gain_u, False)

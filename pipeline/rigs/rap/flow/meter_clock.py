@@ -1,0 +1,45 @@
+"""The flow meter on the device's clock, and how far its stamps can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.recording import QualityFinding
+from pipeline.rigs.rap.alignment.align import align
+from pipeline.rigs.rap.alignment.clock import Clock
+from pipeline.rigs.rap.alignment.pair import pairs_of
+from pipeline.rigs.rap.flow.record import FlowRun
+
+# Where the clocks could not be aligned they are within that of each other, s: windows so near a change are left out.
+UNSURE = 30.0
+
+
+@dataclass(frozen=True)
+class MeterClock:
+    """`clock` takes device time to the meter's; it is right within `margin` s. `how` says from what, `problems` what must be told."""
+
+    clock: Clock
+    margin: float
+    how: str
+    problems: tuple[QualityFinding, ...] = ()
+
+    def to_meter(self, device_time: np.ndarray) -> np.ndarray:
+        """Return stamps of the device, s, shape (n,), on the meter's clock."""
+        return self.clock.to_bench(device_time)
+
+
+def meter_clock(run: FlowRun) -> MeterClock:
+    """Align the meter's clock with the device's by the pressures that both log, else by the steps of flow."""
+    if run.one_clock:
+        return MeterClock(Clock(0.0, 0.0), 0.0, "meter and pressures stand in one table, on one clock")
+    pairs = pairs_of(run.recording)
+    if not pairs:
+        return MeterClock(Clock(0.0, 0.0), UNSURE, "nothing that both clocks see: stamps as logged")
+    found = align(pairs, run.number("bench_sensor_time_constant"))
+    told = tuple(p for p in found.problems if p.level != "note")
+    if not found.sure:
+        return MeterClock(found.clock, UNSURE, "the lag between the clocks is not sure", told)
+    how = "pressures that both log" if pairs[0].alike else "steps of the meter against those of the pressures"
+    return MeterClock(found.clock, 1.0 if not pairs[0].alike else 0.1, how, told)

@@ -1,0 +1,196 @@
+"""From one run to its windows: where nothing changes, what the device sees there, what the meter says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.recording import QualityFinding
+from pipeline.rigs.rap.flow.declaration import FlowSettings
+from pipeline.rigs.rap.flow.meter_clock import MeterClock, meter_clock
+from pipeline.rigs.rap.flow.record import FlowRun
+from pipeline.rigs.rap.flow.windows import FlowWindows
+from pipeline.rigs.rap.flow.zero import Zero, resting, zero_of
+from pipeline.rigs.rap.pulsation.harmonics import Harmonics, harmonics
+from pipeline.rigs.rap.pulsation.passages import BAND, Passages, find_passages
+from pipeline.rigs.rap.pulsation.pump import Pump, Turning, pump
+from pipeline.rigs.rap.pulsation.steady import held, steady_windows, steps
+from pipeline.rigs.rap.pulsation.windows import Windows
+from pipeline.rigs.rap.tables import Signal
+
+# A window that lost more of the meter's or a pressure's samples than that is left out.
+_FILLED = 0.6
+# The meter reads another zero than 0 where it is so many standard errors, and so much (m^3/s), away from it.
+_ZERO_SIGMA, _ZERO_LEAST = 4.0, 0.3e-6 / 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class RunNumbers:
+    """What one run gives: the windows in which the pump turns steadily, how they were found, what was noticed."""
+
+    run: FlowRun
+    windows: FlowWindows
+    passages: Passages | None
+    pump: Pump
+    zeros: dict[str, Zero]
+    meter_zero: Zero
+    clock: MeterClock | None
+    source: str
+    problems: list[QualityFinding] = field(default_factory=list)
+
+
+def run_numbers(run: FlowRun, zeros: dict[str, Zero], settings: FlowSettings) -> RunNumbers:
+    """Find the windows of a run.
+
+    Parameters
+    ----------
+    zeros
+        Zeros by tap that other runs of the campaign show, for where this one never stops its pump.
+    """
+    turning = pump_of(run)
+    rests = _rests(run, turning)
+    own = {tap: zero_of(one, rests) for tap, one in run.pressures.items()}
+    used = {tap: zero if zero.known else zeros.get(tap, zero) for tap, zero in own.items()}
+    clock = meter_clock(run) if run.meter is not None else None
+    windows = _windows(run, turning, clock, settings)
+    passages, f, f_error, source = _frequency(run, windows)
+    known = np.isfinite(f)
+    windows, f, f_error = windows.of(known), f[known], f_error[known]
+    metered, metered_error, meter_zero = _meter(run, clock, windows, rests)
+    means = {tap: _mean(run.pressures.get(tap), windows) - used[tap].value if tap in used else np.full(f.size, np.nan)
+             for tap in ("access", "prefilter", "return")}  # fmt: skip
+    line = _line(run, windows, f)
+    texts = {"run": run.name, "role": run.role, "tube": run.tube}
+    table = FlowWindows(
+        **{name: np.full(f.size, text, dtype=object) for name, text in texts.items()},
+        clamp=_clamps(run, windows.centre),
+        time=windows.centre,
+        flow_set=_set(run.flow_set, windows, np.nan),
+        uf=_set(run.uf, windows, 0.0),
+        f=f,
+        f_error=f_error,
+        A_1=line.amplitude(1) if line is not None else np.full(f.size, np.nan),
+        A_1_error=line.amplitude_error(1) if line is not None else np.full(f.size, np.nan),
+        back_pressure=means["prefilter"] - means["access"],
+        access=means["access"],
+        prefilter=means["prefilter"],
+        back=means["return"],
+        metered=metered,
+        metered_error=metered_error,
+        flow=np.full(f.size, np.nan),
+        own=_mean(run.own, windows),
+    )
+    return RunNumbers(
+        run, table, passages, turning, own, meter_zero, clock, source, list(clock.problems) if clock is not None else []
+    )
+
+
+def pump_of(run: FlowRun) -> Pump:
+    """Return when the pump turns: from the pulsation, else from the encoder."""
+    pulsating = run.pulsating
+    if pulsating is not None:
+        return pump(pulsating[1].time, pulsating[1].values)
+    assert run.speed is not None
+    time, turns = run.speed.time, run.speed.values > 0.1
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(turns)) + 1, [time.size]])
+    stretches = tuple(
+        Turning(float(time[a]), float(time[b - 1]), float(time[a]) if a else None, float(time[b - 1]) if b < time.size else None)
+        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        if turns[a] and b - a > 2
+    )  # fmt: skip
+    return Pump(stretches, float(time[0]), float(time[-1]))
+
+
+def _rests(run: FlowRun, turning: Pump) -> list[tuple[float, float]]:
+    """Return settled stretches (device's clock) in which the pump stands and no ultrafiltrate is drawn."""
+    settled = resting(turning.rests, turning.begin, turning.end)
+    if run.uf is None:
+        return settled
+    at = [run.uf.values[(run.uf.time >= a) & (run.uf.time <= b)] for a, b in settled]
+    return [span for span, uf in zip(settled, at, strict=True) if not np.any(uf > 0.0)]
+
+
+def _windows(run: FlowRun, turning: Pump, clock: MeterClock | None, settings: FlowSettings) -> Windows:
+    changes = [
+        *(steps(one.time, one.values) for one in (run.flow_set, run.uf) if one is not None),
+        np.array([entry.time for entry in run.clamps]),
+    ]
+    margin = clock.margin if clock is not None else 0.0
+    stretches = [(one.first, one.last) for one in turning.stretches]
+    return steady_windows(
+        stretches, np.concatenate(changes), settings.window, settings.settle + margin, settings.before + margin
+    )
+
+
+def _frequency(run: FlowRun, windows: Windows) -> tuple[Passages | None, np.ndarray, np.ndarray, str]:
+    """Return passages, frequency and its error (Hz, NaN where not usable), and which channel they were found in."""
+    pulsating = run.pulsating
+    if pulsating is not None:
+        found = find_passages(pulsating[1].time, pulsating[1].values, windows, BAND)
+        return found, found.frequency, found.frequency_error, pulsating[1].name
+    assert run.speed is not None
+    mean = _mean(run.speed, windows)
+    return None, mean, np.full(mean.size, np.nan), run.speed.name
+
+
+def _line(run: FlowRun, windows: Windows, f: np.ndarray) -> Harmonics | None:
+    """Return the pre-filter pressure's harmonics at the frequencies found; None where it is not logged fast enough."""
+    pulsating = run.pulsating
+    if pulsating is None or pulsating[0] != "prefilter":
+        return None
+    return harmonics(pulsating[1].time, pulsating[1].values, windows, f)
+
+
+def _mean(one: Signal | None, windows: Windows) -> np.ndarray:
+    """Return the mean of a channel over each window, shape (w,); NaN without channel or with too few samples."""
+    if one is None or not windows.size:
+        return np.full(windows.size, np.nan)
+    return _mean_and_error(one, windows.start, windows.end)[0]
+
+
+def _mean_and_error(one: Signal, start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and standard error (of independent samples) between start and end, shape (w,) each."""
+    first, last = np.searchsorted(one.time, start - 1e-9), np.searchsorted(one.time, end - 1e-9)
+    level = float(np.mean(one.values))
+    sums = np.concatenate([[0.0], np.cumsum(one.values - level)])
+    squares = np.concatenate([[0.0], np.cumsum((one.values - level) ** 2)])
+    count = last - first
+    n = np.maximum(count, 1)
+    mean = (sums[last] - sums[first]) / n
+    variance = np.maximum((squares[last] - squares[first]) / n - mean**2, 0.0)
+    expected = one.rate * (end - start) if np.isfinite(one.rate) else np.ones_like(start)
+    enough = (count >= np.maximum(_FILLED * expected, 1.0)) & (count > 0)
+    return np.where(enough, mean + level, np.nan), np.where(enough, np.sqrt(variance / np.maximum(n - 1, 1)), np.nan)
+
+
+def _meter(
+    run: FlowRun, clock: MeterClock | None, windows: Windows, rests: Sequence[tuple[float, float]]
+) -> tuple[np.ndarray, np.ndarray, Zero]:
+    """Return the meter's mean over the windows, its standard error, and its zero, which is taken off where it is off."""
+    if run.meter is None or clock is None or not windows.size:
+        nothing = np.full(windows.size, np.nan)
+        return nothing, nothing, Zero(0.0, float("nan"), known=False)
+    mean, error = _mean_and_error(run.meter, clock.to_meter(windows.start), clock.to_meter(windows.end))
+    narrowed = [(a + clock.margin, b - clock.margin) for a, b in rests if b - a > 2 * clock.margin + 2.0]
+    moved = [tuple(clock.to_meter(np.array(span)).tolist()) for span in narrowed]
+    zero = zero_of(run.meter, [(float(a), float(b)) for a, b in moved])
+    off = zero.known and abs(zero.value) > max(_ZERO_SIGMA * zero.error, _ZERO_LEAST)
+    return (mean - zero.value if off else mean), error, Zero(zero.value, zero.error, known=bool(off))
+
+
+def _set(one: Signal | None, windows: Windows, without: float) -> np.ndarray:
+    return (
+        np.full(windows.size, without)
+        if one is None or not windows.size
+        else held(one.time, one.values, windows.centre)
+    )
+
+
+def _clamps(run: FlowRun, at: np.ndarray) -> np.ndarray:
+    """Return the clamp's setting in words at times `at`: the last entry before, else what the run states."""
+    words = np.full(at.size, run.clamp, dtype=object)
+    for entry in run.clamps:
+        words[at >= entry.time] = entry.text
+    return words
