@@ -12,8 +12,10 @@ from pipeline.rigs.rap.circuit.pump import speed_for
 from pipeline.rigs.rap.conditions import TAPS
 from pipeline.rigs.rap.synthetic.clocks import Clock
 from pipeline.rigs.rap.synthetic.drives import Step
+from pipeline.rigs.rap.synthetic.faults import faults_of, folded, in_circuit
 from pipeline.rigs.rap.synthetic.plant import TICK, Course, Drive, Poles, march
 from pipeline.rigs.rap.synthetic.readings import Columns, bench_table, device_pressures, device_table
+from pipeline.rigs.rap.synthetic.spoilt import spoilt
 from pipeline.rigs.rap.synthetic.truth import ML_MIN, RigTruth, circuit_of, per_tap, pump_of
 
 _ESTIMATE_MEMORY = 1.0
@@ -31,8 +33,10 @@ class Marched:
     course: Course
 
 
-def marched(truth: RigTruth, drive: Drive, rng: np.random.Generator, step: float = 1e-3) -> Marched:
+def marched(truth: RigTruth, run: str, drive: Drive, rng: np.random.Generator, step: float = 1e-3) -> Marched:
     """Return what device and bench log of a run that is driven so; `step` of the integration in s."""
+    faults = faults_of(truth, run)
+    drive = in_circuit(drive, faults)
     duration = drive.uf.size * TICK
     stamps, moments = device_clock(truth).ticks(truth.device_rate, duration, rng)
     status, at_status = device_clock(truth).ticks(1.0, duration, rng)
@@ -49,7 +53,8 @@ def marched(truth: RigTruth, drive: Drive, rng: np.random.Generator, step: float
     course = march(drive, pump_of(truth), poles_of(truth), wanted, step)
     at_ctrl = course.readings["ctrl"][:, :4]
     at_prot = course.readings["prot"][:, :4] if truth.prot else at_ctrl
-    pressures = device_pressures(truth, at_ctrl, at_prot, moments, rng)
+    line = folded(faults, course.phases["ctrl"], moments)[:, None]
+    pressures = device_pressures(truth, at_ctrl + line, at_prot + line, moments, rng)
     return Marched(
         device_table(stamps, pressures, truth),
         bench_table(truth, bench_stamps, course.readings["bench"], rng),
@@ -124,4 +129,5 @@ def recording(truth: RigTruth, run: str, tables: Sequence[Stream], own: Mapping[
         **(truth.told or {}),
     }
     kept = {table.name: table for table in tables if not truth.tables or table.name in truth.tables}
-    return Recording(run, kept, {name: value for name, value in stated.items() if value is not None})
+    known = {name: value for name, value in stated.items() if value is not None}
+    return spoilt(Recording(run, kept, known), faults_of(truth, run))

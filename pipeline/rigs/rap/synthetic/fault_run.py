@@ -16,9 +16,10 @@ from pipeline.rigs.rap.synthetic.housing import scale_table, temperature_tables
 from pipeline.rigs.rap.synthetic.readings import stream
 from pipeline.rigs.rap.synthetic.tank_course import followed
 from pipeline.rigs.rap.synthetic.therapy_runs import at_rest, begun, conditions, pumped_by, whole_seconds
-from pipeline.rigs.rap.synthetic.therapy_truth import EPISODES, INJECTIONS, TherapyTruth
+from pipeline.rigs.rap.synthetic.therapy_truth import EPISODES, INJECTIONS, RUNS, TherapyTruth
 from pipeline.rigs.rap.synthetic.truth import circuit_of, pump_of
 
+RUN = RUNS[2]
 _STAGNATION = 120.0
 _MISMATCH_DELAY = 1.0
 _AT_ONCE = 0.1
@@ -39,7 +40,7 @@ def faulty_therapy(truth: TherapyTruth, seed: int) -> Recording:
     tank = followed(truth, at_rest(truth, moments, steps, warmth[0]), rng)
     scatter = (truth.speed_scatter, truth.speed_memory)
     drive = drive_of(steps, changes, circuit, truth.V_g, end, scatter, rng, truth.heparin_flow)
-    run = marched(truth, pumped_by(drive, tank), rng)
+    run = marched(truth, RUN, pumped_by(drive, tank), rng)
     flow_set = [(step.time, truth.blood_flow if step.speed else 0.0) for step in steps]
     status = {**pump_columns(truth, run, flow_set, steps, rng), **tank.columns()}
     fast = device_clock(truth).true(run.device.time)
@@ -57,7 +58,7 @@ def faulty_therapy(truth: TherapyTruth, seed: int) -> Recording:
         scale_table(truth, moments, tank.volume, end, rng),
         events_table(begun(truth.zero_time, events), device_clock(truth)),
     ]
-    return recording(truth, "rap_faults", tables, conditions(truth))
+    return recording(truth, RUN, tables, conditions(truth))
 
 
 def _stops(truth: TherapyTruth) -> tuple[list[tuple[float, float]], list[Event]]:

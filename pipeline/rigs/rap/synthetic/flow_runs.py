@@ -66,7 +66,7 @@ def _run(
     flow_set.append((now, 0.0))
     scatter = (truth.speed_scatter, truth.speed_memory)
     drive = drive_of(steps, changes, circuit, truth.V_g, now + truth.stop_time, scatter, rng, truth.heparin_flow)
-    made = marched(truth, drive, rng)
+    made = marched(truth, run, drive, rng)
     tables = [
         made.device,
         stream("device_status", made.status, pump_columns(truth, made, flow_set, steps, rng)),

@@ -26,6 +26,6 @@ def pressure_steps(truth: PressuresTruth, seed: int) -> Recording:
     steps.append(Step(end, 0.0, 0.0))
     scatter = (truth.speed_scatter, truth.speed_memory)
     drive = drive_of(steps, [], circuit_of(truth), truth.V_g, truth.duration, scatter, rng, truth.heparin_flow)
-    run = marched(truth, drive, rng)
+    run = marched(truth, truth.run, drive, rng)
     status = stream("device_status", run.status, pump_columns(truth, run, [*flow_set, (end, 0.0)], steps, rng))
     return recording(truth, truth.run, [run.device, status, run.bench], {})

@@ -20,7 +20,7 @@ from pipeline.rigs.rap.circuit.tank import (
 )
 from pipeline.rigs.rap.synthetic.device_estimator import DeviceEstimator
 from pipeline.rigs.rap.synthetic.drives import wander
-from pipeline.rigs.rap.synthetic.readings import Columns, quantised
+from pipeline.rigs.rap.synthetic.readings import Columns
 from pipeline.rigs.rap.synthetic.therapy_truth import TherapyTruth, tank_of
 
 _SHORTEST, _LONGEST = 0.02, 0.285

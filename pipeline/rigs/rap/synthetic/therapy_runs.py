@@ -14,27 +14,30 @@ from pipeline.rigs.rap.circuit.pump import speed_for
 from pipeline.rigs.rap.synthetic.bench_run import device_clock, held, marched, pump_columns, recording
 from pipeline.rigs.rap.synthetic.drives import Change, Step, drive_of, wander
 from pipeline.rigs.rap.synthetic.events import Event, events_table
+from pipeline.rigs.rap.synthetic.faults import Fault, at_tank, faults_of
 from pipeline.rigs.rap.synthetic.housing import air, battery_columns, scale_table, temperature_tables
 from pipeline.rigs.rap.synthetic.plant import TICK, Drive
 from pipeline.rigs.rap.synthetic.readings import stream
 from pipeline.rigs.rap.synthetic.tank_course import Surroundings, TankCourse, followed
-from pipeline.rigs.rap.synthetic.therapy_truth import TANK_CONDITIONS, TherapyTruth
+from pipeline.rigs.rap.synthetic.therapy_truth import RUNS, TANK_CONDITIONS, TherapyTruth
 from pipeline.rigs.rap.synthetic.truth import circuit_of, pump_of
 
+LONG, MOTION = RUNS[:2]
 _FOULING_STEP = 300.0
 _STEP = 5e-3
+_KEY_BEFORE = 5.0
 
 
 def long_therapy(truth: TherapyTruth, seed: int) -> Recording:
     """Return the logs of R4."""
-    rng = np.random.default_rng((seed, 4))
+    rng, faults = np.random.default_rng((seed, 4)), faults_of(truth, LONG)
     on, off = truth.zero_time, truth.zero_time + truth.duration
     end = off + truth.stop_time
     circuit = circuit_of(truth)
     steps = [Step(on, speed_for(pump_of(truth), circuit, truth.blood_flow), truth.uf_flow), Step(off, 0.0, 0.0)]
     moments = whole_seconds(truth, end)
     warmth = temperature_tables(truth, end, rng)
-    tank = followed(truth, at_rest(truth, moments, steps, warmth[0]), rng)
+    tank = followed(truth, at_tank(at_rest(truth, moments, steps, warmth[0]), faults), rng)
     drive = drive_of(
         steps,
         _fouling(truth, on, off),
@@ -46,7 +49,7 @@ def long_therapy(truth: TherapyTruth, seed: int) -> Recording:
         truth.heparin_flow,
     )
     drive = pumped_by(worn(drive, truth, on), tank)
-    run = marched(truth, drive, rng, _STEP)
+    run = marched(truth, LONG, drive, rng, _STEP)
     flow_set = [(0.0, 0.0), (on, truth.blood_flow), (off, 0.0)]
     status = {
         **pump_columns(truth, run, flow_set, steps, rng),
@@ -60,14 +63,14 @@ def long_therapy(truth: TherapyTruth, seed: int) -> Recording:
         *warmth,
         run.bench,
         scale_table(truth, moments, tank.volume, end, rng),
-        events_table(begun(on, [Event(off, "therapy_state", "TERMINATION")]), device_clock(truth)),
+        events_table(begun(on, [*_keys(faults), Event(off, "therapy_state", "TERMINATION")]), device_clock(truth)),
     ]
-    return recording(truth, "rap_therapy_312", tables, conditions(truth))
+    return recording(truth, LONG, tables, conditions(truth))
 
 
 def moving_tank(truth: TherapyTruth, seed: int) -> Recording:
     """Return the logs of R5: the device's status, scale and events; no pressures."""
-    rng = np.random.default_rng((seed, 5))
+    rng, faults = np.random.default_rng((seed, 5)), faults_of(truth, MOTION)
     duration = truth.motion_duration
     stamps, moments = device_clock(truth).ticks(1.0, duration, rng)
     n = moments.size
@@ -80,15 +83,15 @@ def moving_tank(truth: TherapyTruth, seed: int) -> Recording:
     around = replace(
         at_rest(truth, moments, steps, warmth[0]), pitch=pitch, roll=roll, walking=walking, volume=truth.motion_volume
     )
-    tank = followed(truth, around, rng)
+    tank = followed(truth, at_tank(around, faults), rng)
     status = {"uf_flow_set": (np.full(n, truth.uf_flow), "m^3/s"), **tank.columns()}
     tables = [
         stream("device_status", stamps, status),
         *warmth,
         scale_table(truth, moments, tank.volume, duration, rng),
-        events_table([Event(0.0, "therapy_state", "THERAPY")], device_clock(truth)),
+        events_table([Event(0.0, "therapy_state", "THERAPY"), *_keys(faults)], device_clock(truth)),
     ]
-    return recording(truth, "rap_tank_motion", tables, conditions(truth))
+    return recording(truth, MOTION, tables, conditions(truth))
 
 
 def whole_seconds(truth: TherapyTruth, end: float) -> np.ndarray:
@@ -136,6 +139,11 @@ def _fouling(truth: TherapyTruth, on: float, off: float) -> list[Change]:
         Change(float(start), float(start) + _FOULING_STEP, {"K_uf": 1.0 / (1.0 + truth.fouling * float(t) / T_REF)})
         for start, t in zip(starts, middles, strict=True)
     ]
+
+
+def _keys(faults: Sequence[Fault]) -> list[Event]:
+    """Return the presses of the key for draining, a few seconds before the tank is emptied."""
+    return [Event(f.start - _KEY_BEFORE, "drain_pressed", 1.0) for f in faults if f.kind == "drain" and f.key]
 
 
 def begun(on: float, later: Sequence[Event]) -> list[Event]:
