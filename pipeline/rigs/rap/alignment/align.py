@@ -75,6 +75,13 @@ def _from_lines(found: ByLines, coarse: Coarse, stated: bool, search: float) -> 
     if not stated:
         other = found.refitted(found.bench_pole + BENCH_POLE_SD).fit.values
         type_b = {name: abs(other.get(name, fit.values[name]) - fit.values[name]) for name in names}
+    # What jitter leaves in an evened grid is the same for all windows: their scatter does not show it.
+    shaken = jitter(found.pairs[0].device.time)
+    if found.device_evened:
+        count, span = found.pairs[0].device.time.size, float(np.ptp(found.pairs[0].device.time))
+        type_b["delay"] = math.hypot(type_b["delay"], shaken / math.sqrt(count))
+        if "rate" in names:
+            type_b["rate"] = math.hypot(type_b["rate"], shaken * math.sqrt(12.0 / count) / span)
     dof = fit.covariance.dof
     sd = {name: float(np.hypot(fit.std_error[name], type_b[name])) for name in names}
     covariance = np.diag([sd["delay"] ** 2, sd.get("rate", 100e-6) ** 2])
@@ -102,7 +109,6 @@ def _from_lines(found: ByLines, coarse: Coarse, stated: bool, search: float) -> 
         told.append(
             QualityFinding("warning", f"the pulsation of {name} differs in size between device and bench by more than 30 %: left out of the alignment", channel=name)
         )
-    shaken = jitter(found.pairs[0].device.time)
     if found.device_evened and shaken > _JITTER:
         told.append(QualityFinding("note", f"the device's stamps jitter by {1e3 * shaken:.1f} ms while its samples were taken evenly: stamps were evened"))
     rows, fine = found.fine.rows, found.fine

@@ -21,7 +21,7 @@ _STRAY = 5.0
 # Poles are said to differ where chance makes them so less often.
 _DIFFER = 0.01
 # Windows are put together into that many groups, each a unit of what repeats.
-_GROUPS = 30
+_GROUPS = 40
 _LARGEST_DELAY, _LARGEST_RATE, _LARGEST_POLE = 0.15, 200e-6, 0.2
 
 
