@@ -65,7 +65,7 @@ def steady_state(c: Circuit, Q: float, Q_uf: float) -> np.ndarray:
     """Return the states at steady blood flow `Q` and ultrafiltration `Q_uf` (m^3/s), shape (6,)."""
     P_ret = c.R_r * (Q - Q_uf)
     P_pre = P_ret + c.R_f * (Q - 0.5 * Q_uf)
-    return np.array([-c.R_a * Q, P_pre, P_ret, transmembrane(P_pre, P_ret, -Q_uf / c.K_uf), Q, Q - Q_uf])
+    return np.array([-c.R_a * Q, P_pre, P_ret, 0.5 * (P_pre + P_ret) - Q_uf / c.K_uf, Q, Q - Q_uf])
 
 
 def transmembrane(P_pre: Any, P_ret: Any, P_uf: Any) -> Any:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
-from functools import partial
 
 import numpy as np
 
@@ -20,16 +19,16 @@ def spoilt(recording: Recording, faults: Sequence[Fault]) -> Recording:
     """Return the recording with the faults of sensors and logs, in their order."""
     for fault in faults:
         if fault.kind in _TABLES:
-            recording = _each(recording, partial(_TABLES[fault.kind], fault=fault))
+            recording = _each(recording, _TABLES[fault.kind], fault)
         elif fault.kind in _VALUES:
-            recording = _each(recording, partial(_changed, fault=fault))
+            recording = _each(recording, _changed, fault)
         elif fault.kind in _ROWS:
-            recording = _each(recording, partial(_picked, fault=fault))
+            recording = _each(recording, _picked, fault)
     return recording
 
 
-def _each(recording: Recording, done: Callable[[Stream], Stream]) -> Recording:
-    tables = {name: done(table) for name, table in recording.streams.items()}
+def _each(recording: Recording, done: Callable[[Stream, Fault], Stream], fault: Fault) -> Recording:
+    tables = {name: done(table, fault) for name, table in recording.streams.items()}
     return replace(recording, streams={name: table for name, table in tables.items() if table.channels})
 
 
