@@ -26,11 +26,18 @@ def flow_rows(found: Campaign, settings: FlowSettings) -> list[FlowRow]:
 
 
 def _row(found: Campaign, inside: FlowWindows, estimator: str, settings: FlowSettings) -> FlowRow:
-    nothing = {"value": math.nan, "random": math.nan, "systematic": math.nan, "dof": math.inf}
     metered = float(np.nanmean(inside.flow)) if np.isfinite(inside.flow).any() else math.nan
     row = FlowRow(
-        run=str(inside.run[0]), flow_set=float(inside.flow_set[0]), estimator=estimator, metered=metered, count=inside.size, **nothing
-    )  # fmt: skip
+        str(inside.run[0]),
+        float(inside.flow_set[0]),
+        estimator,
+        math.nan,
+        math.nan,
+        math.nan,
+        math.inf,
+        metered,
+        inside.size,
+    )
     law = found.laws.get(estimator)
     if law is None:
         return _without(row, f"{estimator} is not calibrated: {found.refused[estimator]}")

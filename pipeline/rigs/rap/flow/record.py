@@ -85,7 +85,7 @@ def run_of(recording: Recording) -> FlowRun:
         not understood.
     """
     taps = ("access", "prefilter", "return", "uf")
-    pressures = {tap: found for tap in taps if (found := signal(recording, pressure(tap, "rap"))) is not None}
+    pressures = {tap: one for tap in taps if (one := signal(recording, pressure(tap, "rap"))) is not None}
     command = signal(recording, "uf_pump_command")
     run = FlowRun(
         name=recording.run,

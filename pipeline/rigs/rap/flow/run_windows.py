@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,13 +18,15 @@ from pipeline.rigs.rap.pulsation.harmonics import Harmonics, harmonics
 from pipeline.rigs.rap.pulsation.passages import BAND, Passages, find_passages
 from pipeline.rigs.rap.pulsation.pump import Pump, Turning, pump
 from pipeline.rigs.rap.pulsation.steady import held, steady_windows, steps
-from pipeline.rigs.rap.pulsation.windows import Windows
+from pipeline.rigs.rap.pulsation.windows import Windows, cut
 from pipeline.rigs.rap.tables import Signal
 
 # A window that lost more of the meter's or a pressure's samples than that is left out.
 _FILLED = 0.6
 # The meter reads another zero than 0 where it is so many standard errors, and so much (m^3/s), away from it.
 _ZERO_SIGMA, _ZERO_LEAST = 4.0, 0.3e-6 / 60.0
+# Speeds closer than that share are one set-point; without logged set-points a step of that share between windows of so many s is told.
+_ONE_SPEED, _STEP, _PROBE = 0.05, 0.03, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,30 +39,28 @@ class RunNumbers:
     pump: Pump
     zeros: dict[str, Zero]
     meter_zero: Zero
+    meter_zeroed: bool
     clock: MeterClock | None
     source: str
     problems: list[QualityFinding] = field(default_factory=list)
 
 
-def run_numbers(run: FlowRun, zeros: dict[str, Zero], settings: FlowSettings) -> RunNumbers:
-    """Find the windows of a run.
-
-    Parameters
-    ----------
-    zeros
-        Zeros by tap that other runs of the campaign show, for where this one never stops its pump.
-    """
+def run_numbers(run: FlowRun, settings: FlowSettings) -> RunNumbers:
+    """Find the windows of a run; means are zeroed at its own pump stops, where it has some."""
     turning = pump_of(run)
     rests = _rests(run, turning)
     own = {tap: zero_of(one, rests) for tap, one in run.pressures.items()}
-    used = {tap: zero if zero.known else zeros.get(tap, zero) for tap, zero in own.items()}
     clock = meter_clock(run) if run.meter is not None else None
     windows = _windows(run, turning, clock, settings)
     passages, f, f_error, source = _frequency(run, windows)
     known = np.isfinite(f)
     windows, f, f_error = windows.of(known), f[known], f_error[known]
-    metered, metered_error, meter_zero = _meter(run, clock, windows, rests)
-    means = {tap: _mean(run.pressures.get(tap), windows) - used[tap].value if tap in used else np.full(f.size, np.nan)
+    metered, metered_error = _meter(run, clock, windows)
+    meter_zero = _meter_zero(run, clock, rests)
+    zeroed = meter_zero.known and abs(meter_zero.value) > max(_ZERO_SIGMA * meter_zero.error, _ZERO_LEAST)
+    if zeroed:
+        metered = metered - meter_zero.value
+    means = {tap: _mean(run.pressures.get(tap), windows) - own[tap].value if tap in own else np.full(f.size, np.nan)
              for tap in ("access", "prefilter", "return")}  # fmt: skip
     line = _line(run, windows, f)
     texts = {"run": run.name, "role": run.role, "tube": run.tube}
@@ -67,7 +68,7 @@ def run_numbers(run: FlowRun, zeros: dict[str, Zero], settings: FlowSettings) ->
         **{name: np.full(f.size, text, dtype=object) for name, text in texts.items()},
         clamp=_clamps(run, windows.centre),
         time=windows.centre,
-        flow_set=_set(run.flow_set, windows, np.nan),
+        flow_set=_set(run.flow_set, windows, np.nan) if run.flow_set is not None else _named(f, metered),
         uf=_set(run.uf, windows, 0.0),
         f=f,
         f_error=f_error,
@@ -83,7 +84,16 @@ def run_numbers(run: FlowRun, zeros: dict[str, Zero], settings: FlowSettings) ->
         own=_mean(run.own, windows),
     )
     return RunNumbers(
-        run, table, passages, turning, own, meter_zero, clock, source, list(clock.problems) if clock is not None else []
+        run,
+        table,
+        passages,
+        turning,
+        own,
+        meter_zero,
+        zeroed,
+        clock,
+        source,
+        [replace(p, run=run.name) for p in clock.problems] if clock is not None else [],
     )
 
 
@@ -97,7 +107,7 @@ def pump_of(run: FlowRun) -> Pump:
     edges = np.concatenate([[0], np.flatnonzero(np.diff(turns)) + 1, [time.size]])
     stretches = tuple(
         Turning(float(time[a]), float(time[b - 1]), float(time[a]) if a else None, float(time[b - 1]) if b < time.size else None)
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        for a, b in pairwise(edges)
         if turns[a] and b - a > 2
     )  # fmt: skip
     return Pump(stretches, float(time[0]), float(time[-1]))
@@ -116,6 +126,7 @@ def _windows(run: FlowRun, turning: Pump, clock: MeterClock | None, settings: Fl
     changes = [
         *(steps(one.time, one.values) for one in (run.flow_set, run.uf) if one is not None),
         np.array([entry.time for entry in run.clamps]),
+        _speed_steps(run, turning) if run.flow_set is None else np.empty(0),
     ]
     margin = clock.margin if clock is not None else 0.0
     stretches = [(one.first, one.last) for one in turning.stretches]
@@ -165,19 +176,45 @@ def _mean_and_error(one: Signal, start: np.ndarray, end: np.ndarray) -> tuple[np
     return np.where(enough, mean + level, np.nan), np.where(enough, np.sqrt(variance / np.maximum(n - 1, 1)), np.nan)
 
 
-def _meter(
-    run: FlowRun, clock: MeterClock | None, windows: Windows, rests: Sequence[tuple[float, float]]
-) -> tuple[np.ndarray, np.ndarray, Zero]:
-    """Return the meter's mean over the windows, its standard error, and its zero, which is taken off where it is off."""
+def _meter(run: FlowRun, clock: MeterClock | None, windows: Windows) -> tuple[np.ndarray, np.ndarray]:
+    """Return the meter's mean over the windows and its standard error, m^3/s, shape (w,) each."""
     if run.meter is None or clock is None or not windows.size:
-        nothing = np.full(windows.size, np.nan)
-        return nothing, nothing, Zero(0.0, float("nan"), known=False)
-    mean, error = _mean_and_error(run.meter, clock.to_meter(windows.start), clock.to_meter(windows.end))
+        return np.full(windows.size, np.nan), np.full(windows.size, np.nan)
+    return _mean_and_error(run.meter, clock.to_meter(windows.start), clock.to_meter(windows.end))
+
+
+def _meter_zero(run: FlowRun, clock: MeterClock | None, rests: Sequence[tuple[float, float]]) -> Zero:
+    """Return what the meter reads while the pump stands."""
+    if run.meter is None or clock is None:
+        return Zero(0.0, float("nan"), known=False)
     narrowed = [(a + clock.margin, b - clock.margin) for a, b in rests if b - a > 2 * clock.margin + 2.0]
-    moved = [tuple(clock.to_meter(np.array(span)).tolist()) for span in narrowed]
-    zero = zero_of(run.meter, [(float(a), float(b)) for a, b in moved])
-    off = zero.known and abs(zero.value) > max(_ZERO_SIGMA * zero.error, _ZERO_LEAST)
-    return (mean - zero.value if off else mean), error, Zero(zero.value, zero.error, known=bool(off))
+    ends = [clock.to_meter(np.array(span)) for span in narrowed]
+    return zero_of(run.meter, [(float(a), float(b)) for a, b in ends])
+
+
+def _named(f: np.ndarray, metered: np.ndarray) -> np.ndarray:
+    """Return set-points of a run that logs none, shape (w,): windows of one speed, named after the meter to 1 mL/min."""
+    order = np.argsort(f)
+    group = np.zeros(f.size, dtype=int)
+    group[order] = np.concatenate([[0], np.cumsum(np.diff(f[order]) > _ONE_SPEED * f[order][:-1])]) if f.size else []
+    named = np.full(f.size, np.nan)
+    for one in np.unique(group):
+        inside = group == one
+        if np.isfinite(metered[inside]).any():
+            named[inside] = np.round(6e7 * np.nanmean(metered[inside])) / 6e7
+    return named
+
+
+def _speed_steps(run: FlowRun, turning: Pump) -> np.ndarray:
+    """Return about when the speed changes in a run that logs no set-point, s: each step thrice, as far as it is uncertain."""
+    pulsating = run.pulsating
+    if pulsating is None:
+        return np.empty(0)
+    probe = find_passages(pulsating[1].time, pulsating[1].values, cut(turning.begin, turning.end, _PROBE))
+    f = probe.harmonics.frequency
+    jumps = np.flatnonzero(np.abs(f[1:] / f[:-1] - 1.0) > _STEP)
+    borders = probe.windows.end[jumps]
+    return np.concatenate([borders - _PROBE, borders, borders + _PROBE])
 
 
 def _set(one: Signal | None, windows: Windows, without: float) -> np.ndarray:

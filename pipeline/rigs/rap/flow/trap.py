@@ -21,7 +21,7 @@ def unclamped(windows: FlowWindows) -> np.ndarray:
     """Return which windows have the access line open, mask (w,): by its resistance, else by what is stated of the clamp."""
     resistance = access_resistance(windows)
     if np.isfinite(resistance).any() and np.nanmin(resistance) > 0.0:
-        return np.asarray(resistance < (1.0 + _OPEN) * np.nanmin(resistance)) | ~np.isfinite(resistance)
+        return np.asarray((resistance < (1.0 + _OPEN) * np.nanmin(resistance)) | ~np.isfinite(resistance))
     words = np.array([str(word).lower().strip("x× ") for word in windows.clamp])
     return np.isin(words, ("", "1", "1.0", "open", "none", "no", "off", "unclamped"))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,7 +28,7 @@ def steady_windows(
     for first, last in stretches:
         inside = np.sort(changes[(changes > first) & (changes < last)])
         edges = np.concatenate([[first], inside, [last]])
-        parts += [cut(a + settle, b - before, length) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        parts += [cut(a + settle, b - before, length) for a, b in pairwise(edges)]
     return joined([part for part in parts if part.size])
 
 
