@@ -2,5 +2,11 @@
 
 from pipeline.rigs.experiment import Experiment
 from pipeline.rigs.rap.cytotoxicity.declaration import CYTOTOXICITY
+from pipeline.rigs.rap.flow.declaration import FLOW
+from pipeline.rigs.rap.pressures.declaration import PRESSURES
 
-EXPERIMENTS: tuple[Experiment, ...] = (CYTOTOXICITY,)
+EXPERIMENTS: tuple[Experiment, ...] = (
+    PRESSURES,
+    FLOW,
+    CYTOTOXICITY,
+)

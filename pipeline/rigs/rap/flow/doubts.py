@@ -137,12 +137,18 @@ def _biased(found: Campaign, of_run: FlowWindows) -> list[QualityFinding]:
         return []
     tube = str(of_run.tube[0])
     known_other = bool(tube and found.tube and tube != found.tube)
+    volume = 1.0 / (1.0 + mean) - 1.0
     if known_other:
-        why = f"its tube ({tube}) is another than the calibrated one ({found.tube}), and its stroke volume is {-100 * mean / (1 + mean):+.1f} % of that one's more"
+        why = f"its tube ({tube}) is another than the calibrated one ({found.tube}), and a stroke of it holds {more(volume)}"
     else:
-        why = f"stroke volume changed by {-100 * mean / (1 + mean):+.1f} % (tube replaced or worn; state tube_set_id), or the gain of the meter did by as much"
-    text = f"{law.law.name} reads {100 * mean:+.1f} % of the meter more throughout the run: {why}. Calibrate each tube"
-    return [QualityFinding("warning", text, str(of_run.run[0]), None, _span(of_run))]
+        why = f"a stroke holds {more(volume)} (tube replaced or worn; state tube_set_id), or the meter's gain changed by as much"
+    text = f"{law.law.name} reads {more(mean)} than the meter throughout the run: {why}. Calibrate each tube"
+    return [QualityFinding("note" if known_other else "warning", text, str(of_run.run[0]), None, _span(of_run))]
+
+
+def more(share: float) -> str:
+    """Return ``"3.1 % more"`` or ``"2.9 % less"``."""
+    return f"{100 * abs(share):.1f} % {'more' if share > 0.0 else 'less'}"
 
 
 def _drift(found: Campaign, of_run: FlowWindows) -> list[QualityFinding]:

@@ -63,7 +63,11 @@ def _row(found: Campaign, inside: FlowWindows, estimator: str, settings: FlowSet
     if math.isfinite(off) and abs(off) > max(_SIGMAS * random, _LEAST):
         doubt = "; ".join(
             filter(
-                None, (doubt, f"the meter reads {-100 * off / (1 + off):+.1f} % of it more; that much is in the error")
+                None,
+                (
+                    doubt,
+                    f"the meter reads {100 * abs(off):.1f} % {'less' if off > 0.0 else 'more'}; that is in the error",
+                ),
             )
         )
         random = math.hypot(random, off)

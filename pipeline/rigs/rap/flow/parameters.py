@@ -28,7 +28,7 @@ def parameters_of(found: Campaign) -> list[Parameter]:
     """Return all parameters."""
     return [
         *_told(_coefficients(found), _SCATTER),
-        *_told((_flow(row, found) for row in found.flows), "mean over the windows of the set-point"),
+        *_told(map(_flow, found.flows), "mean over the windows of the set-point"),
         *_told(_errors(found), "windows of the set; a statistic of them, without an interval"),
     ]
 
@@ -88,7 +88,7 @@ def _combined(name: str, value: float, random: float, systematic: float, dof: fl
     return estimate(name, value, total, dof=effective, at=at, reason=words)
 
 
-def _flow(row: FlowRow, found: Campaign) -> Estimate:
+def _flow(row: FlowRow) -> Estimate:
     at: dict[str, float | str | bool] = {"run": row.run, "estimator": row.estimator}
     if math.isfinite(row.flow_set):
         at["flow_set"] = row.flow_set
