@@ -59,13 +59,13 @@ CONDITIONS = (
     ConditionSpec("remark", "", "free text"),
 )
 
-OPERATING = (ConditionSpec("time", "s", "how long the fluid had gone round when the sample was drawn"),)
+OPERATING = (ConditionSpec("time", "s", "how long the fluid had gone round when the sample was drawn", read_as="min"),)
 
 _TEXT = "to the control, at one time; the 90 % interval of the equivalence test stands in the description"
 PARAMETERS = (
     ParameterSpec("viability_difference", r"d_{via}", "1", f"difference of viability {_TEXT}", "3.12", key=True),
-    ParameterSpec("necrosis_difference", r"d_{nec}", "1", f"difference of necrosis {_TEXT}", "3.12", key=True),
-    ParameterSpec("apoptosis_difference", r"d_{apo}", "1", f"difference of apoptosis {_TEXT}", "3.12", key=True),
+    ParameterSpec("necrosis_difference", r"d_{nec}", "1", f"difference of necrosis {_TEXT}", "3.12"),
+    ParameterSpec("apoptosis_difference", r"d_{apo}", "1", f"difference of apoptosis {_TEXT}", "3.12"),
 )
 
 CYTOTOXICITY = Experiment(

@@ -9,7 +9,7 @@ from pipeline.errors import InputError, listing
 
 _CONTROL = {"c", "k", "control", "controls", "ctrl", "ctl", "ctr", "contr", "cntrl", "kontrolle", "controllo", "controle", "temoin",
             "untreated", "unexposed", "reference", "ref", "blank", "baseline", "neg", "negative", "nc", "0", "false"}  # fmt: skip
-_POSITIVE = ("pos", "lysis", "triton", "dmso")
+_POSITIVE = re.compile(r"\bpos(itive?|\.|_|\b)|lysis|triton|dmso")
 _NOTHING = ("", "nan", "none")
 
 
@@ -31,7 +31,7 @@ def is_control(word: str) -> bool:
 
 def is_positive(word: str) -> bool:
     """Tell whether a word names a positive control: cells harmed on purpose, which are no control here."""
-    return any(stem in word.lower() for stem in _POSITIVE)
+    return bool(_POSITIVE.search(word.lower()))
 
 
 def treated_word(words: Sequence[str], control_group: str, treated_group: str, run: str) -> tuple[str | None, set[str]]:

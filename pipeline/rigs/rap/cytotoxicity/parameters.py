@@ -10,6 +10,11 @@ from pipeline.rigs.rap.cytotoxicity.analysis import Culture, Outcome
 from pipeline.rigs.rap.cytotoxicity.declaration import OUTCOMES, PARAMETERS, CytotoxicitySettings
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
+_WHICH = {
+    "once": "one control for all times",
+    "each": "control of the same time",
+    "some": "control of the same time or, without one, of all times",
+}
 
 
 def parameters_of(cultures: Sequence[Culture], settings: CytotoxicitySettings) -> list[Parameter]:
@@ -39,14 +44,10 @@ def _determined(outcome: Outcome, control: str, i: int, at: OperatingPoint) -> P
     found, treated, own = outcome.found, outcome.treated[i], outcome.controls[i]
     assert found is not None
     spec = _SPECS[f"{outcome.name}_difference"]
-    passes = -outcome.margin < found.low90[i] and found.high90[i] < outcome.margin
-    which = {"once": "one control for all times", "each": "control of the same time"}.get(
-        control, "control of the same time or, without one, of all times"
-    )
+    inside = -outcome.margin < found.low90[i] and found.high90[i] < outcome.margin
     words = (
-        f"Treated less control, {treated.n} and {own.n} cultures, {which}. 90 % interval {100 * found.low90[i]:+.2f} to {100 * found.high90[i]:+.2f} "
-        f"points, {'within' if passes else 'not within'} the margin of ±{100 * outcome.margin:g} points (p = {found.p[i]:.2g}). "
-        f"Verdict on {outcome.name} over all times: {outcome.verdict}"
+        f"Treated less control. 90 % interval {signed(found.low90[i])} to {signed(found.high90[i])} points, "
+        f"{'within' if inside else 'not within'} ±{100 * outcome.margin:g}. Over all times: {outcome.verdict}"
     )
     return Parameter(
         name=spec.name,
@@ -58,8 +59,14 @@ def _determined(outcome: Outcome, control: str, i: int, at: OperatingPoint) -> P
         at=at,
         description=words,
         source=spec.source,
-        method=f"difference of means, variance pooled over all groups ({found.dof} degrees of freedom), two one-sided tests",
+        method=f"means of {treated.n} treated and {own.n} control cultures ({_WHICH[control]}), variance pooled over all groups "
+        f"({found.dof} degrees of freedom), two one-sided tests: p = {found.p[i]:.2g}",
     )
+
+
+def signed(share: float) -> str:
+    """Return a share in percentage points with its sign: ``"+2.31"``."""
+    return f"{100 * share:+.2f}".replace("-", "−")
 
 
 def _undetermined(outcome: str, reason: str, at: OperatingPoint) -> Parameter:

@@ -46,7 +46,7 @@ def as_shares(
         if high.any():
             _mixed(run, name, column, high)
     if percent:
-        words = " and ".join(sorted(percent, key=list(raw).index))
+        words = ", ".join(name for name in raw if name in percent)
         message = f"{words}: the numbers are percent, though their unit does not say so; they are divided by 100. Declare the unit %."
         problems.append(QualityFinding("warning", message, run))
     return {name: column * (0.01 if name in percent else 1.0) for name, column in raw.items()}, percent

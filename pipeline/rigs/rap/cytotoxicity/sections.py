@@ -26,6 +26,7 @@ from pipeline.findings.figures import (
     Value,
 )
 from pipeline.rigs.rap.cytotoxicity.declaration import OUTCOMES
+from pipeline.rigs.rap.cytotoxicity.parameters import signed
 
 _TIME = Axis("time", "min")
 _MOODS: dict[str, Mood] = {"equivalence": "ok", "inconclusive": "warning", "different": "rejected"}
@@ -72,7 +73,7 @@ def _verdicts(outcomes: pd.DataFrame) -> Table:
             str(row["outcome"]),
             Status(str(row["verdict"]), _MOODS[str(row["verdict"])]),
             float(row["margin"]),
-            _number(row["deviation"]),
+            _scatter(float(row["deviation"]), int(row["dof"])),
             int(row["dof"]),
             str(row["reason"]),
         ]
@@ -136,7 +137,7 @@ def _difference_table(own: pd.DataFrame, name: str) -> Table:
             Value(float(row["treated"])),
             Value(float(row["control"])),
             Value(float(row["difference"]), float(row["std_error"])),
-            f"{100 * row['low90']:+.2f} to {100 * row['high90']:+.2f}",
+            f"{signed(row['low90'])} to {signed(row['high90'])}",
             f"{row['p']:.2g}",
             Status("passes", "ok") if row["passes"] else Status("does not pass", "warning"),
         ]
@@ -211,8 +212,8 @@ def _slopes(outcomes: pd.DataFrame) -> Table:
         [
             str(row["run"]),
             str(row["outcome"]),
-            f"{360000 * row['slope']:+.2g}",
-            f"{360000 * row['slope_low']:+.2g} to {360000 * row['slope_high']:+.2g}",
+            signed(3600 * row["slope"]),
+            f"{signed(3600 * row['slope_low'])} to {signed(3600 * row['slope_high'])}",
             f"{row['slope_p']:.2g}",
             Status("changes", "warning") if row["slope_p"] < 0.05 else Status("no change seen"),
         ]
@@ -241,8 +242,8 @@ def _designs(designs: pd.DataFrame) -> Table:
             str(row["run"]),
             str(row["outcome"]),
             int(row["n"]),
-            float(row["deviation"]),
-            float(row["power"]),
+            round(float(row["deviation"]), 4),
+            round(float(row["power"]), 3),
             "this test" if row["own"] else ("enough for 90 %" if row["needed"] else ""),
         ]
         for row in designs.to_dict("records")
@@ -263,8 +264,8 @@ def _designs(designs: pd.DataFrame) -> Table:
     )
 
 
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def _scatter(deviation: float, dof: int) -> Value | None:
+    return Value(deviation, deviation / float(np.sqrt(2.0 * dof))) if dof else None
 
 
 def _edges(t: np.ndarray) -> np.ndarray:

@@ -21,7 +21,8 @@ def judge(cultures: Sequence[Culture]) -> Judgement:
         if culture.control == "none":
             said.reject(f"{of_run}There is no control, so nothing can be said of the device.")
             said.advise(
-                "Keep cells of the same passage in fluid that did not go round, count them with the others, and call these rows 'control'."
+                "Keep cells of the same passage in fluid that did not go round, count them with the others, call these rows 'control', and give them a time "
+                "(0 will do): rows without a time are left out."
             )
             continue
         for outcome in ordered(culture):
