@@ -9,6 +9,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.rigs.experiment import ConditionSpec, Experiment, Later, ParameterSpec, Settings
+from pipeline.rigs.rap.alarms.limits import AlarmLimits, MismatchLimits
 from pipeline.rigs.rap.conditions import CONDITIONS, channels
 from pipeline.rigs.rap.references import KALMAN_1960, PAGE_1954, RAP_2019
 
@@ -26,14 +27,32 @@ class TherapySettings(Settings):
         0.05, gt=0, lt=1, description="difference of set and weighed ultrafiltration rate beyond which it is told"
     )
     therapy_duration: float = Field(18000.0, gt=0, description="duration the battery has to last, s")
+    alarm_high: float = Field(1.6, gt=1, le=20, description="resistance over its baseline above which an alarm is due")
+    alarm_low: float = Field(0.5, gt=0, lt=1, description="resistance over its baseline below which an alarm is due")
+    alarm_hold: float = Field(1.0, ge=0, le=60, description="time for which it must stay there, s")
+    alarm_blanking: float = Field(3.0, ge=0, le=60, description="time after a pump start without alarms of pressure, s")
+    alarm_late: float = Field(10.0, gt=0, le=600, description="delay of a logged code beyond which it is late, s")
     stagnation_limit: float = Field(120.0, gt=0, le=3600, description="longest standstill of the blood, s")
-    ratio_high: float = Field(1.6, gt=1, le=20, description="pressure over its baseline above which an alarm is due")
-    ratio_low: float = Field(0.5, gt=0, lt=1, description="pressure over its baseline below which an alarm is due")
-    blanking: float = Field(3.0, ge=0, le=60, description="time after a pump start without alarms of pressure, s")
-    mismatch_threshold: float = Field(300.0, gt=0, le=1e5, description="difference of the two units that is a mismatch, Pa")
+    pressure_limit: float = Field(40e3, gt=0, le=2e5, description="magnitude at which a pressure is out of range, Pa")
+    mismatch_threshold: float = Field(
+        300.0, gt=0, le=1e5, description="difference of the two units that is a mismatch, Pa"
+    )
     mismatch_samples: int = Field(3, ge=1, le=1000, description="samples in a row that make a mismatch")
-    cusum_drift: float = Field(20.0, gt=0, le=1e4, description="allowance of the cumulative sum, Pa")
-    cusum_limit: float = Field(80.0, gt=0, le=1e5, description="cumulative sum at which it raises a mismatch, Pa")
+    cusum_allowance: float = Field(20.0, gt=0, le=1e4, description="allowance of the cumulative sum, Pa")
+    cusum_limit: float = Field(80.0, gt=0, le=1e5, description="cumulative sum at which it is a mismatch, Pa")
+
+    @property
+    def alarms(self) -> AlarmLimits:
+        """When a cause is an alarm."""
+        return AlarmLimits(
+            self.alarm_high, self.alarm_low, self.alarm_hold, self.alarm_blanking, self.stagnation_limit, self.alarm_late,
+            self.pressure_limit,
+        )  # fmt: skip
+
+    @property
+    def mismatches(self) -> MismatchLimits:
+        """When the two units disagree."""
+        return MismatchLimits(self.mismatch_threshold, self.mismatch_samples, self.cusum_allowance, self.cusum_limit)
 
 
 OPERATING = (

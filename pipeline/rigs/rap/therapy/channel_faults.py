@@ -1,0 +1,232 @@
+"""Channels of a therapy run that cannot be what they are called: units, signs, exchanged names (rap.md, section 8).
+
+Only what the samples and the set-points contradict by a factor or a sign; errors of some percent are judged with the
+numbers. A channel that fails here does not enter them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.rap.conditions import channels
+from pipeline.rigs.rap.tables import Signal, signal
+from pipeline.rigs.rap.therapy.record import ACCELERATIONS
+
+# Air in a housing, K; the same in degrees Celsius and Fahrenheit.
+_AIR, _CELSIUS, _FAHRENHEIT = (260.0, 340.0), (-13.0, 67.0), (67.0, 153.0)
+# Blocks over which slopes of slow channels are taken, s, and how many it takes.
+_BLOCK, _LEAST = 600.0, 3
+# A slope that far from what the set-points ask is another unit or geometry and no pump's gain.
+_FACTOR = 1.6
+_UNITS = ((1e3, "1000"), (1e-3, "1/1000"), (1e2, "100"), (1e-2, "1/100"), (10.0, "10"), (0.1, "1/10"), (60.0, "60"),
+          (1.0 / 60.0, "1/60"), (0.45359, "0.45 (pounds)"), (2.2046, "2.2 (pounds)"))  # fmt: skip
+# A share between 0 and 1 above that is given in percent.
+_SHARE = 1.5
+
+
+@dataclass(frozen=True)
+class ChannelFault:
+    """A channel that is not what its name says, and why; it is left out where `unusable`."""
+
+    channel: str
+    message: str
+    unusable: bool = True
+
+    def finding(self, run: str) -> QualityFinding:
+        """Return the fault as a finding on the data."""
+        return QualityFinding("error" if self.unusable else "warning", self.message, run, self.channel)
+
+
+def channel_faults(recording: Recording) -> list[ChannelFault]:
+    """Return the channels of a run that are not what they are called, the first fault of each."""
+    found = [
+        *_beyond(recording), *_exchanged_rates(recording), *_temperatures(recording), *_gravity(recording),
+        *_level(recording), *_mass(recording), *_battery(recording),
+    ]  # fmt: skip
+    first: dict[str, ChannelFault] = {}
+    for fault in found:
+        first.setdefault(fault.channel, fault)
+    return list(first.values())
+
+
+def _beyond(recording: Recording) -> Iterator[ChannelFault]:
+    """Find channels whose usual magnitude is beyond anything plausible."""
+    for spec in channels():
+        one = signal(recording, spec.name) if spec.limit is not None else None
+        if one is None or spec.limit is None:
+            continue
+        size = float(np.quantile(np.abs(one.values), 0.9))
+        if size > spec.limit:
+            yield ChannelFault(
+                spec.name,
+                f"{spec.name} is mostly about {size:.3g} {spec.unit}, more than the plausible {spec.limit:g} {spec.unit}: declared in "
+                "another unit than logged. It is not used; give its unit in the recipe.",
+            )
+
+
+def _exchanged_rates(recording: Recording) -> Iterator[ChannelFault]:
+    blood, uf = signal(recording, "blood_flow_set"), signal(recording, "uf_flow_set")
+    if blood is None or uf is None:
+        return
+    most, removed = float(np.max(blood.values)), float(np.max(uf.values))
+    if 0.0 < most < removed:
+        text = (
+            f"more is to be removed ({removed:.3g} m^3/s) than flows ({most:.3g} m^3/s): are blood_flow_set and uf_flow_set exchanged, "
+            "or one of them in another unit? Neither is used; mend them in the recipe."
+        )
+        yield from (ChannelFault(name, text) for name in (blood.name, uf.name))
+
+
+def _temperatures(recording: Recording) -> Iterator[ChannelFault]:
+    for name in ("temperature_air_rap", "temperature_air_bench"):
+        one = signal(recording, name)
+        if one is None:
+            continue
+        usual = float(np.median(one.values))
+        if _AIR[0] < usual < _AIR[1]:
+            continue
+        unit = next(
+            (word for (low, high), word in ((_CELSIUS, "degC"), (_FAHRENHEIT, "degF")) if low < usual < high), ""
+        )
+        if usual > _AIR[1]:
+            unit = "K" if _AIR[0] < usual - 273.15 < _AIR[1] else ""
+        guess = f": logged in {unit}, declared otherwise" if unit else ""
+        yield ChannelFault(
+            name,
+            f"{name} is about {usual:.4g} K, which is no air in a housing{guess}. It is not used; give its unit in the recipe, as "
+            f"'{name}: {{unit: {unit or 'degC'}}}'.",
+        )
+
+
+def _gravity(recording: Recording) -> Iterator[ChannelFault]:
+    """Find a tank whose axis is not the vertical one."""
+    found = [signal(recording, name) for name in ACCELERATIONS]
+    usual = np.array([np.median(one.values) for one in found if one is not None])
+    if usual.size < len(ACCELERATIONS) or np.abs(usual[:2]).max() <= 0.7 * float(np.linalg.norm(usual)):
+        return
+    text = (
+        f"gravity lies along {ACCELERATIONS[int(np.argmax(np.abs(usual)))]} and not along tank_accel_z: axes exchanged, or the tank lay "
+        "on its side. The tilt is not corrected; mend the channels in the recipe."
+    )
+    yield from (ChannelFault(name, text) for name in ACCELERATIONS)
+
+
+def _level(recording: Recording) -> Iterator[ChannelFault]:
+    """Hold the course of the level against what is pumped into the tank."""
+    distance, valid = signal(recording, "uf_level_distance"), signal(recording, "uf_echo_valid")
+    if distance is None:
+        return
+    good = distance.values > 0.0
+    if valid is not None and valid.time.size == distance.time.size:
+        good &= valid.values > 0.5
+    one = Signal(distance.name, distance.time[good], distance.values[good])
+    if one.time.size < 10:
+        return
+    sensor = recording.conditions.get("level_sensor_z")
+    usual = float(np.median(one.values))
+    if isinstance(sensor, float) and usual > 1.1 * sensor + 0.02:
+        yield ChannelFault(
+            one.name,
+            f"uf_level_distance is about {usual:.3g} m although the sensor sits {sensor:.3g} m over the floor: another unit, or the "
+            "geometry of another tank. It is not used; mend the unit in the recipe or level_sensor_z.",
+        )
+        return
+    lx, ly = recording.conditions.get("tank_lx"), recording.conditions.get("tank_ly")
+    if not (isinstance(lx, float) and isinstance(ly, float)):
+        return
+    ratio = _slope_over_asked(recording, one)
+    if ratio is None:
+        return
+    share = -ratio * lx * ly
+    if share < -0.3:
+        yield ChannelFault(
+            one.name,
+            "uf_level_distance grows while ultrafiltrate is pumped into the tank: it seems to be the level over the floor, or its sign is "
+            "turned. It is not used; map the distance from the sensor to the liquid.",
+        )
+    elif not 1.0 / _FACTOR < share < _FACTOR:
+        yield ChannelFault(
+            one.name,
+            f"the level rises {share:.2g} times as fast as the ultrafiltrate that is asked for fills the tank: {_unit(share)}, tank_lx "
+            "and tank_ly of another tank, or a pump that does not pump. The level is not used.",
+        )
+
+
+def _mass(recording: Recording) -> Iterator[ChannelFault]:
+    """Hold the course of the scale against what is pumped."""
+    scale = signal(recording, "uf_mass_scale")
+    if scale is None:
+        return
+    ratio = _slope_over_asked(recording, scale)
+    if ratio is None:
+        return
+    density = recording.conditions.get("fluid_density")
+    share = ratio / (density if isinstance(density, float) else 1004.0)
+    if share < -0.3:
+        text = (
+            "uf_mass_scale falls while ultrafiltrate is removed: its sign is turned, or the reservoir stands on the scale. It is not used; "
+            "set 'sign: -1' in the recipe where that is right."
+        )
+    elif not 1.0 / _FACTOR < share < _FACTOR:
+        text = (
+            f"uf_mass_scale grows {share:.3g} times as fast as the ultrafiltration that is set: {_unit(share)}, or it weighs something "
+            "else. It is not used; give its unit in the recipe."
+        )
+    else:
+        return
+    yield ChannelFault(scale.name, text)
+
+
+def _unit(share: float) -> str:
+    named = next((word for factor, word in _UNITS if 0.75 < share / factor < 1.35), "")
+    return f"a wrong unit (factor {named})" if named else "a wrong unit"
+
+
+def _slope_over_asked(recording: Recording, one: Signal) -> float | None:
+    """Return the usual slope of a slow channel over the rate asked of the ultrafiltrate pump; None where that cannot be told.
+
+    Slopes are taken over blocks of ten minutes; their median bears drained tanks, touched scales and a tank on the move.
+    """
+    asked = signal(recording, "uf_pump_command") or signal(recording, "uf_flow_set")
+    if asked is None or asked.time.size < 2:
+        return None
+    edges = np.arange(one.time[0], one.time[-1], _BLOCK)
+    places = np.searchsorted(one.time, edges)
+    ratios = []
+    for i, k in pairwise(places):
+        if k - i < 5:
+            continue
+        t, x = one.time[i:k], one.values[i:k]
+        near = (asked.time >= t[0] - 30.0) & (asked.time <= t[-1] + 30.0)
+        rate = (
+            float(np.mean(asked.values[near])) if near.any() else float(np.interp(t.mean(), asked.time, asked.values))
+        )
+        if rate > 0.0:
+            middle = slice(0, t.size // 2), slice(t.size // 2, None)
+            first, second = ((np.median(t[part]), np.median(x[part])) for part in middle)
+            ratios.append((second[1] - first[1]) / (second[0] - first[0]) / rate)
+    if len(ratios) < _LEAST:
+        return None
+    usual = float(np.median(ratios))
+    spread = 1.4826 * float(np.median(np.abs(np.array(ratios) - usual))) / np.sqrt(len(ratios))
+    return usual if abs(usual) > 4.0 * spread or spread == 0.0 else None
+
+
+def _battery(recording: Recording) -> Iterator[ChannelFault]:
+    level = signal(recording, "battery_level")
+    if level is not None and float(np.median(level.values)) > _SHARE:
+        yield ChannelFault(
+            level.name,
+            f"battery_level is about {np.median(level.values):.3g}, more than all: give its unit, percent for choice.",
+        )
+    current = signal(recording, "battery_current")
+    if current is not None and float(np.median(current.values)) < 0.0:
+        yield ChannelFault(
+            current.name,
+            "battery_current is negative: it must be positive while discharging. It is not used; set 'sign: -1' in the recipe.",
+        )

@@ -1,0 +1,142 @@
+"""From the numbers of the runs to the parameters of the findings (rap.md, sections 10 and 11); nothing is computed anew."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from pipeline.estimation.estimate import Estimate, estimate, undetermined
+from pipeline.findings import Parameter
+from pipeline.findings.findings import OperatingPoint
+from pipeline.rigs.rap.therapy.declaration import PARAMETERS
+from pipeline.rigs.rap.therapy.record import ALARMS, BATTERY, MEMBRANE, REDUNDANCY, TEMPERATURE, VOLUME
+from pipeline.rigs.rap.therapy.run_numbers import RunNumbers
+
+_SPECS = {spec.name: spec for spec in PARAMETERS}
+_FITTED = ("temperature_initial", "temperature_final", "time_constant")
+_METHODS = {
+    **dict.fromkeys(_FITTED, "least squares of eq. 7 to one sensor"),
+    "temperature_error_max": "device less bench at the device's samples",
+    "uf_volume_error_rms": "Kalman filter of eq. 9 against the scale",
+    "uf_volume_final": "Kalman filter of eq. 9",
+    "uf_pump_gain": "Kalman filter and smoother of eq. 9",
+    "k_uf_initial": "K_0/(1 + a t/5 h) to 60 s means, block bootstrap",
+    "k_uf_decline": "K_0/(1 + a t/5 h) to 60 s means, block bootstrap",
+    "energy_used": "voltage times current, integrated",
+    "runtime_projected": "battery's energy over mean power",
+    "alarm_time": "state machine re-derived from the log",
+    "mismatch_time": "threshold and cumulative sums, whichever is first",
+}
+
+
+def parameter(found: Estimate, at: OperatingPoint, description: str = "") -> Parameter:
+    """Return an estimate as a parameter of the findings."""
+    spec = _SPECS[found.name]
+    determined = found.value is not None and math.isfinite(found.value)
+    told = spec.description if determined else f"not determined: {found.reason or 'the data do not tell it'}"
+    remark = found.reason if determined else ""
+    known = determined and found.std_error is not None and math.isfinite(found.std_error)
+    interval = found.ci95 if known and found.ci95 and all(map(math.isfinite, found.ci95)) else None
+    return Parameter(
+        name=found.name, symbol=spec.symbol, value=found.value if determined else None,
+        std_error=found.std_error if known else None, ci95=interval, unit=spec.unit, at=at,
+        description="; ".join(part for part in (told, remark, description) if part), source=spec.source,
+        method=_METHODS[found.name] if determined else "",
+    )  # fmt: skip
+
+
+def in_order(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """Return parameters in the order of their declaration, the runs' order kept."""
+    order = {name: place for place, name in enumerate(_SPECS)}
+    return sorted(parameters, key=lambda one: order[one.name])
+
+
+def parameters_of(run: RunNumbers) -> list[Parameter]:
+    """Return the parameters of a run: what its channels ask for, null with the reason where the data do not tell it."""
+    asked = run.record.asked
+    parts = (
+        (TEMPERATURE, _temperature), (VOLUME, _volume), (MEMBRANE, _membrane), (BATTERY, _battery), (ALARMS, _alarms),
+        (REDUNDANCY, _mismatches),
+    )  # fmt: skip
+    return [one for part, numbers in parts if part in asked for one in numbers(run)]
+
+
+def _temperature(run: RunNumbers) -> list[Parameter]:
+    found = []
+    for source in ("rap", "bench"):
+        at: OperatingPoint = {"run": run.run, "source": source}
+        fit = run.temperatures.get(source)
+        if fit is None:
+            reason = run.reasons.get(f"temperature {source}", "")
+            found += [parameter(undetermined(name, reason), at) for name in _FITTED]
+        else:
+            found += [parameter(one, at) for one in fit.estimates]
+    error = run.temperature_error
+    largest = (
+        error.largest if error else undetermined("temperature_error_max", run.reasons.get("temperature error", ""))
+    )
+    return [*found, parameter(largest, {"run": run.run})]
+
+
+def _volume(run: RunNumbers) -> list[Parameter]:
+    volume = run.volume
+    at: OperatingPoint = {"run": run.run}
+    if volume is None:
+        return []
+    no_course = next((r for name in ("levels", "command", "course") if (r := volume.reasons.get(name))), "")
+    no_scale = volume.reasons.get("scale") or volume.reasons.get("error") or no_course
+    rms = volume.error.rms if volume.error else undetermined("uf_volume_error_rms", no_scale)
+    final = volume.course.final if volume.course else undetermined("uf_volume_final", no_course)
+    gain = volume.gain.gain if volume.gain else undetermined("uf_pump_gain", volume.reasons.get("gain") or no_course)
+    return [parameter(one, at) for one in (rms, final, gain)]
+
+
+def _membrane(run: RunNumbers) -> list[Parameter]:
+    found = run.membrane
+    reason = run.reasons.get(MEMBRANE, "")
+    estimates = (
+        (found.initial, found.decline)
+        if found
+        else (undetermined("k_uf_initial", reason), undetermined("k_uf_decline", reason))
+    )
+    return [parameter(one, {"run": run.run}) for one in estimates]
+
+
+def _battery(run: RunNumbers) -> list[Parameter]:
+    found, reason = run.battery, run.reasons.get(BATTERY, "")
+    estimates = (
+        (found.used, found.runtime)
+        if found
+        else (undetermined("energy_used", reason), undetermined("runtime_projected", reason))
+    )
+    return [parameter(one, {"run": run.run}) for one in estimates]
+
+
+def _alarms(run: RunNumbers) -> list[Parameter]:
+    alarms = run.alarms
+    found = [
+        parameter(
+            estimate("alarm_time", one.time, one.std_error),
+            {"run": run.run, "alarm": one.code, "index": float(one.index)},
+            one.cause,
+        )
+        for one in (alarms.alarms if alarms else ())
+    ]
+    reason = run.reasons.get(ALARMS, "")
+    if reason and not found:
+        found.append(parameter(undetermined("alarm_time", reason), {"run": run.run}))
+    return found
+
+
+def _mismatches(run: RunNumbers) -> list[Parameter]:
+    if run.alarms is None:
+        return [parameter(undetermined("mismatch_time", run.reasons.get(ALARMS, "")), {"run": run.run})]
+    return [
+        parameter(
+            estimate("mismatch_time", one.time, one.std_error),
+            {"run": run.run, "channel": one.tap, "index": float(one.index)},
+            f"{one.kind}, {'threshold' if one.by_threshold == one.time else 'cumulative sum'} first",
+        )
+        for tap in run.alarms.redundancy
+        for one in tap.mismatches
+    ]

@@ -1,0 +1,236 @@
+"""All that one run gives: each part by what its channels allow, or the reason why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.recording import QualityFinding
+from pipeline.rigs.rap.alarms import alarm_numbers
+from pipeline.rigs.rap.alarms.results import AlarmNumbers
+from pipeline.rigs.rap.pressures.spans import Span
+from pipeline.rigs.rap.tables import Signal
+from pipeline.rigs.rap.therapy.battery_account import Battery, account
+from pipeline.rigs.rap.therapy.command import command_of
+from pipeline.rigs.rap.therapy.declaration import TherapySettings
+from pipeline.rigs.rap.therapy.faults import cut_short
+from pipeline.rigs.rap.therapy.membrane_decline import Decline, decline
+from pipeline.rigs.rap.therapy.record import ALARMS, BATTERY, MEMBRANE, REDUNDANCY, TEMPERATURE, VOLUME, Record
+from pipeline.rigs.rap.therapy.temperature_fit import (
+    TemperatureError,
+    TemperatureFit,
+    compare_temperatures,
+    fit_temperature,
+)
+from pipeline.rigs.rap.therapy.transmembrane import Transmembrane, transmembrane
+from pipeline.rigs.rap.therapy.volume_numbers import VolumeNumbers, stops, volume_of
+
+_SOURCES = {"rap": "temperature_air_rap", "bench": "temperature_air_bench"}
+_MEMBRANE_TAPS = ("prefilter", "return", "uf")
+# Device over bench at a tap beyond that is no gain: another tap, a clamp, air.
+_GAINS = (0.8, 1.25)
+
+
+@dataclass(eq=False)
+class RunNumbers:
+    """One run's numbers by part; `reasons` by part (or part and source) say why there is none of those asked for.
+
+    `set_points` are the usual ones while the pump runs, SI, None where not logged.
+    """
+
+    record: Record
+    temperatures: dict[str, TemperatureFit] = field(default_factory=dict)
+    temperature_error: TemperatureError | None = None
+    volume: VolumeNumbers | None = None
+    transmembrane: Transmembrane | None = None
+    membrane: Decline | None = None
+    battery: Battery | None = None
+    alarms: AlarmNumbers | None = None
+    set_points: Mapping[str, float | None] = field(default_factory=dict)
+    reasons: dict[str, str] = field(default_factory=dict)
+    findings: list[QualityFinding] = field(default_factory=list)
+
+    @property
+    def run(self) -> str:
+        """Name of the run."""
+        return self.record.run
+
+    @property
+    def anything(self) -> bool:
+        """Tell whether the run gives any number."""
+        volume = self.volume
+        return bool(
+            self.temperatures
+            or self.membrane
+            or self.battery
+            or (
+                self.alarms is not None
+                and (not self.alarms.undetermined or self.alarms.alarms or self.alarms.redundancy)
+            )
+            or (volume is not None and (volume.course or volume.weighed))
+        )
+
+
+def numbers_of(record: Record, settings: TherapySettings) -> RunNumbers:
+    """Return what a run gives."""
+    found = RunNumbers(record, set_points=_set_points(record))
+    asked = record.asked
+    if ALARMS in asked or REDUNDANCY in asked:
+        _alarms(found, settings)
+    if TEMPERATURE in asked:
+        _temperature(found)
+    if VOLUME in asked:
+        found.volume = volume_of(record)
+        found.reasons |= {f"volume: {name}": reason for name, reason in found.volume.reasons.items()}
+        _noticed(found, found.volume.problems)
+    if MEMBRANE in asked:
+        _membrane(found)
+    if BATTERY in asked:
+        _battery(found, settings)
+    return found
+
+
+def _noticed(found: RunNumbers, problems: tuple[QualityFinding, ...]) -> None:
+    found.findings += [replace(problem, run=found.run) for problem in problems]
+
+
+def _set_points(record: Record) -> dict[str, float | None]:
+    """Return the usual set-points while there is one."""
+    usual: dict[str, float | None] = {}
+    for name in ("blood_flow_set", "uf_flow_set", "heparin_flow_set"):
+        one = record.signal(name)
+        on = one.values[one.values > 0.0] if one is not None else np.zeros(0)
+        usual[name] = float(np.median(on)) if on.size else None
+    return usual
+
+
+def _alarms(found: RunNumbers, settings: TherapySettings) -> None:
+    try:
+        alarms = alarm_numbers(found.record.recording, settings.alarms, settings.mismatches)
+    except InputError as error:
+        found.reasons[ALARMS] = str(error)
+        return
+    found.alarms = alarms
+    _noticed(found, alarms.problems)
+    if alarms.undetermined:
+        found.reasons[ALARMS] = alarms.undetermined
+    states = [(row.time, row.text) for row in alarms.log.states]
+    ends = [
+        stream.span[1] for name, stream in found.record.recording.streams.items() if stream.size and name != "events"
+    ]
+    told = cut_short(states, max(ends, default=0.0))
+    if told:
+        found.findings.append(QualityFinding("note", told, found.run, "therapy_state"))
+
+
+def _temperature(found: RunNumbers) -> None:
+    record = found.record
+    sensors: dict[str, Signal] = {}
+    for source, channel in _SOURCES.items():
+        sensor = record.signal(channel)
+        if sensor is None:
+            found.reasons[f"temperature {source}"] = record.removed.get(channel, f"the run has no {channel}")
+            continue
+        sensors[source] = sensor
+        try:
+            fit = fit_temperature(sensor, source)
+        except InputError as error:
+            found.reasons[f"temperature {source}"] = str(error)
+            continue
+        found.temperatures[source] = fit
+        _noticed(found, fit.problems)
+    if len(sensors) < len(_SOURCES):
+        found.reasons["temperature error"] = "; ".join(
+            found.reasons[f"temperature {source}"] for source in _SOURCES if source not in sensors
+        )
+        return
+    try:
+        found.temperature_error = compare_temperatures(sensors["rap"], sensors["bench"])
+    except InputError as error:
+        found.reasons["temperature error"] = str(error)
+        return
+    _noticed(found, found.temperature_error.problems)
+
+
+def _membrane(found: RunNumbers) -> None:
+    record, volume = found.record, found.volume
+    taps = {tap: record.signal(f"pressure_{tap}_rap") for tap in _MEMBRANE_TAPS}
+    missing = [f"pressure_{tap}_rap" for tap, one in taps.items() if one is None]
+    if missing:
+        told = next((record.removed[name] for name in missing if name in record.removed), "")
+        found.reasons[MEMBRANE] = (
+            told or f"the transmembrane pressure needs {', '.join(missing)}, which the run has not"
+        )
+        return
+    prefilter, back, uf = (one for one in taps.values() if one is not None)
+    heads = {tap: head for tap, head in record.heads.items() if tap in _MEMBRANE_TAPS}
+    gains = _gains(record)
+    try:
+        found.transmembrane = transmembrane(
+            prefilter,
+            back,
+            uf,
+            zero_spans=_zero_spans(record),
+            gains=gains,
+            heads=heads or None,
+            gain_u=record.number("bench_gain_u") if gains else None,
+        )
+        _noticed(found, found.transmembrane.problems)
+        command = volume.command if volume is not None else None
+        if command is None:
+            command = command_of(record.signal("uf_pump_command"), record.signal("uf_flow_set"), stopped=stops(record))
+        posterior = volume.gain.posterior if volume is not None and volume.gain is not None else None
+        found.membrane = decline(
+            found.transmembrane, posterior, command, fluid=str(record.conditions.get("fluid", "saline"))
+        )
+    except InputError as error:
+        found.reasons[MEMBRANE] = str(error)
+        return
+    _noticed(found, found.membrane.problems)
+
+
+def _zero_spans(record: Record) -> list[Span]:
+    """Return the rests that show the zero: before the first start and after the last stop, else all.
+
+    In a rest under way the clamp may be closed and pressure trapped behind it.
+    """
+    if not record.runs:
+        return list(record.rests)
+    begin, end = record.runs[0][0], record.runs[-1][1]
+    return [span for span in record.rests if span[1] <= begin or span[0] >= end] or list(record.rests)
+
+
+def _gains(record: Record) -> dict[str, float] | None:
+    """Return the device's gain over the bench's by tap, from levels with the pump on over those at rest; None without a full bench."""
+    rises = {(level.reader, level.tap): level for level in record.levels if level.zeroed}
+    gains = {}
+    for tap in _MEMBRANE_TAPS:
+        own, other = rises.get(("rap", tap)), rises.get(("bench", tap))
+        if own is not None and other is not None and other.rise != 0.0:
+            gain = own.rise / other.rise
+            if _GAINS[0] < gain < _GAINS[1]:
+                gains[tap] = gain
+    return gains if len(gains) == len(_MEMBRANE_TAPS) else None
+
+
+def _battery(found: RunNumbers, settings: TherapySettings) -> None:
+    record = found.record
+    try:
+        found.battery = account(
+            record.signal("battery_voltage"),
+            record.signal("battery_current"),
+            record.signal("battery_level"),
+            energy=record.number("battery_energy"),
+            efficiency=record.number("battery_efficiency"),
+            duration=settings.therapy_duration,
+        )
+    except InputError as error:
+        told = next(
+            (record.removed[name] for name in ("battery_current", "battery_voltage") if name in record.removed), ""
+        )
+        found.reasons[BATTERY] = told or str(error)
+        return
+    _noticed(found, found.battery.problems)

@@ -1,0 +1,181 @@
+"""Ultrafiltrate of one run: level to volume, filter, scale, the device's own estimate, regulation, put together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+from pipeline.errors import InputError
+from pipeline.recording import QualityFinding
+from pipeline.rigs.rap.circuit.tank import Tank
+from pipeline.rigs.rap.tables import entries
+from pipeline.rigs.rap.therapy.command import Command, command_of
+from pipeline.rigs.rap.therapy.drains import Emptying, drain_times, emptied
+from pipeline.rigs.rap.therapy.levels import Levels, level_course, tank_of
+from pipeline.rigs.rap.therapy.pump_gain import PumpGain, mean_gain
+from pipeline.rigs.rap.therapy.record import ACCELERATIONS, Record
+from pipeline.rigs.rap.therapy.regulation import Regulation, regulate
+from pipeline.rigs.rap.therapy.tank_filter import TankCourse, track_volume
+from pipeline.rigs.rap.therapy.temperature_fit import air_temperature
+from pipeline.rigs.rap.therapy.volume_against_scale import (
+    ScaleLag,
+    VolumeError,
+    Weighed,
+    against_scale,
+    scale_lag,
+    weighed,
+)
+
+Result = TypeVar("Result")
+SALINE_DENSITY = 1004.0
+
+
+@dataclass(frozen=True, eq=False)
+class VolumeNumbers:
+    """What is known of the ultrafiltrate of one run; what could not be told is None, `reasons` by name say why.
+
+    Attributes
+    ----------
+    levels, command, course
+        Levels in the tank, what the pump was asked for, the filter's course; the last two None without a pump.
+    gain, regulation
+        Delivered over asked; how well the set volume was kept.
+    weighed, lag, error, device_error
+        Volume by the scale, its clock, the filter and the device's own estimate against it.
+    """
+
+    tank: Tank | None = None
+    levels: Levels | None = None
+    command: Command | None = None
+    course: TankCourse | None = None
+    emptyings: tuple[Emptying, ...] = ()
+    gain: PumpGain | None = None
+    regulation: Regulation | None = None
+    weighed: Weighed | None = None
+    lag: ScaleLag | None = None
+    error: VolumeError | None = None
+    device_error: VolumeError | None = None
+    reasons: dict[str, str] = field(default_factory=dict)
+    problems: tuple[QualityFinding, ...] = ()
+
+
+class _Steps:
+    """Collects what the steps noticed and why some of them could not be done."""
+
+    def __init__(self) -> None:
+        self.problems: list[QualityFinding] = []
+        self.reasons: dict[str, str] = {}
+
+    def done(self, name: str, step: Callable[[], Result]) -> Result | None:
+        """Do a step and keep its problems; None, with the reason under `name`, where it cannot be done."""
+        try:
+            result = step()
+        except InputError as error:
+            self.reasons[name] = str(error)
+            return None
+        self.problems += getattr(result, "problems", ())
+        return result
+
+
+def volume_of(record: Record) -> VolumeNumbers:
+    """Return the ultrafiltrate's numbers of a run."""
+    steps = _Steps()
+    command = steps.done(
+        "command",
+        lambda: command_of(record.signal("uf_pump_command"), record.signal("uf_flow_set"), stopped=stops(record)),
+    )
+    found = VolumeNumbers(command=command)
+    found = _followed(record, found, steps)
+    found = _weighed(record, found, steps)
+    return replace(found, reasons=steps.reasons, problems=tuple(steps.problems))
+
+
+def stops(record: Record) -> list[tuple[float, float]]:
+    """Return when the device's own states say that the ultrafiltrate pump stood, s."""
+    rows = entries(record.recording, "therapy_state")
+    pumping = [row.text.upper().startswith("THERAPY") for row in rows]
+    if not any(pumping):
+        return []
+    ends = [*(row.time for row in rows[1:]), math.inf]
+    return [(row.time, end) for row, end, on in zip(rows, ends, pumping, strict=True) if not on]
+
+
+def _followed(record: Record, found: VolumeNumbers, steps: _Steps) -> VolumeNumbers:
+    """Follow the level through the filter."""
+    distance = record.signal("uf_level_distance")
+    if distance is None:
+        steps.reasons["levels"] = record.removed.get("uf_level_distance", "the run has no uf_level_distance")
+        return found
+    described = steps.done("levels", lambda: tank_of(record.conditions))
+    if described is None:
+        return found
+    tank, assumed = described
+    steps.problems += [QualityFinding("warning", f"{text}.", channel="uf_level_distance") for text in assumed]
+    air = air_temperature(record.signal("temperature_air_rap"), record.signal("temperature_air_bench"))
+    axes = tuple(record.signal(name) for name in ACCELERATIONS)
+    valid = record.signal("uf_echo_valid")
+    levels = steps.done(
+        "levels", lambda: level_course(distance, tank, valid=valid, accelerations=axes, temperature=air)
+    )
+    found = replace(found, tank=tank, levels=levels)
+    if levels is None or found.command is None:
+        return found
+    command = found.command
+    emptyings, empty_at_start, odd = emptied(levels, tank, command, drain_times(record.signal("drain_pressed")))
+    steps.problems += odd
+    course = steps.done(
+        "course", lambda: track_volume(levels, tank, command, emptied=emptyings, empty_at_start=empty_at_start)
+    )
+    found = replace(found, emptyings=emptyings, course=course)
+    if course is None:
+        return found
+    gain = steps.done("gain", lambda: mean_gain(course, command))
+    regulation = steps.done("regulation", lambda: regulate(command, record.signal("uf_flow_set"), course))
+    return replace(found, gain=gain, regulation=regulation)
+
+
+def _weighed(record: Record, found: VolumeNumbers, steps: _Steps) -> VolumeNumbers:
+    """Hold the filter and the device's own estimate against the scale."""
+    scale = record.signal("uf_mass_scale")
+    if scale is None:
+        steps.reasons["scale"] = record.removed.get("uf_mass_scale", "no scale in this run (uf_mass_scale)")
+        return found
+    density = record.number("fluid_density")
+    if density is None:
+        density = SALINE_DENSITY
+        steps.problems.append(
+            QualityFinding(
+                "note",
+                f"fluid_density is not stated: {SALINE_DENSITY:g} kg/m^3 (saline) taken; 1 % of it is 1 % of the weighed volume.",
+                channel="uf_mass_scale",
+            )
+        )
+    known = density
+    by_scale = steps.done("scale", lambda: weighed(scale, known, record.number("mass_tare")))
+    found = replace(found, weighed=by_scale)
+    course = found.course
+    if by_scale is None or course is None:
+        return found
+    lag = steps.done("error", lambda: scale_lag(by_scale, course))
+    found = replace(found, lag=lag)
+    if lag is None:
+        return found
+    gain_u = record.number("scale_gain_u") or 0.0
+    error = steps.done(
+        "error",
+        lambda: against_scale(
+            course.time, course.volume, course.volume_sd, by_scale, lag, first_echo=course.first_echo, gain_u=gain_u
+        ),
+    )
+    own = record.signal("uf_volume_rap")
+    device = None
+    if own is not None:
+        device = steps.done(
+            "device_error",
+            lambda: against_scale(
+                own.time, own.values, None, by_scale, lag, first_echo=course.first_echo, gain_u=gain_u
+            ),
+        )
+    return replace(found, error=error, device_error=device)
