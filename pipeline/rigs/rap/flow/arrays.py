@@ -11,7 +11,6 @@ import numpy as np
 from pipeline.rigs.rap.flow.results import ESTIMATORS, Campaign
 from pipeline.rigs.rap.flow.run_windows import RunNumbers
 from pipeline.rigs.rap.flow.trap import access_resistance, unclamped
-from pipeline.rigs.rap.flow.windows import FlowWindows
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,10 +21,13 @@ _COLUMNS = (
     "run", "role", "tube", "clamp", "time", "flow_set", "uf", "f", "f_error", "A_1", "A_1_error", "back_pressure", "access", "prefilter", "back",
     "metered", "metered_error", "flow", "own",
 )  # fmt: skip
+# Points of a drawn window.
+_FINE = 600
 
 
 def arrays_of(found: Campaign) -> dict[str, pd.DataFrame]:
     """Return all tables by name; one without rows keeps its columns."""
+    measured, fitted = _example(found)
     return {
         "windows": _windows(found),
         "points": _table(
@@ -38,7 +40,7 @@ def arrays_of(found: Campaign) -> dict[str, pd.DataFrame]:
              "zero_access", "meter_zero", "meter_zeroed"),
             (_run(run, found) for run in found.runs),
         ),
-        "errors": _table(("estimator", "set", "worst", "rms", "mean", "count", "where"), (vars(row) for row in found.errors)),
+        "errors": _table(("estimator", "set", "worst", "worst_open", "rms", "mean", "count", "where"), (vars(row) for row in found.errors)),
         "left_out": _table(("estimator", "flow_set", "worst"), _left_out(found)),
         "trap": _table(("law", "inside", "outside", "coefficients"), _trap(found)),
         "covariance": _table(("estimator", "parameter", "value", "with", "covariance"), _covariance(found)),
@@ -47,7 +49,10 @@ def arrays_of(found: Campaign) -> dict[str, pd.DataFrame]:
             [{"stated": found.location.stated, "used": found.location.trusted, "response": found.location.response, "response_error": found.location.error,
               "gain_u": found.gain_u, "gain_stated": found.gain_stated, "uf_u": found.uf_u, "zero_u": found.zero_u, "tube": found.tube}],
         ),
-        "example": _table(("run", "flow_set", "time", "measured", "fitted"), _example(found)),
+        "example": _table(("run", "flow_set", "time", "measured"), measured),
+        "example_fit": _table(("run", "flow_set", "time", "fitted"), fitted),
+        "flows": _table(("run", "flow_set", "estimator", "value", "random", "systematic", "metered", "count", "doubt", "why_not"),
+                        (vars(row) for row in found.flows)),
     }  # fmt: skip
 
 
@@ -151,23 +156,28 @@ def _covariance(found: Campaign) -> Rows:
     return rows
 
 
-def _example(found: Campaign) -> Rows:
-    """Return the first window of each set-point of the first run, as measured and as fitted."""
-    rows: Rows = []
-    for run in found.runs:
-        if run.passages is None or run.run.pulsating is None or not run.windows.size:
-            continue
-        signal, fit = run.run.pulsating[1], run.passages.harmonics
-        kept = FlowWindows.of(run.windows, np.unique(run.windows.set_point, return_index=True)[1])
-        for time, level in zip(kept.time, kept.flow_set, strict=True):
-            i = int(np.argmin(np.abs(fit.windows.centre - time)))
-            inside = (signal.time >= fit.windows.start[i]) & (signal.time < fit.windows.end[i])
-            t = signal.time[inside] - fit.windows.centre[i]
-            turns = np.exp(2j * np.pi * fit.frequency[i] * np.outer(fit.orders, t))
-            fitted = fit.mean[i] + fit.slope[i] * t + np.nansum((fit.coefficients[i][:, None] * turns).real, axis=0)
-            rows += [
-                {"run": run.run.name, "flow_set": level, "time": a + 0.5 * (fit.windows.end[i] - fit.windows.start[i]), "measured": b, "fitted": c}
-                for a, b, c in zip(t, signal.values[inside], fitted, strict=True)
-            ]  # fmt: skip
-        return rows
-    return rows
+def _example(found: Campaign) -> tuple[Rows, Rows]:
+    """Return the first window of each set-point of the first run, as measured, and as fitted on a fine grid."""
+    measured: Rows = []
+    fitted: Rows = []
+    run = next(
+        (r for r in found.runs if r.passages is not None and r.run.pulsating is not None and r.windows.size), None
+    )
+    if run is None or run.passages is None or run.run.pulsating is None:
+        return measured, fitted
+    signal, fit = run.run.pulsating[1], run.passages.harmonics
+    kept = run.windows.of(np.unique(run.windows.set_point, return_index=True)[1])
+    for time, level in zip(kept.time, kept.flow_set, strict=True):
+        i = int(np.argmin(np.abs(fit.windows.centre - time)))
+        start, end, centre = fit.windows.start[i], fit.windows.end[i], fit.windows.centre[i]
+        inside = (signal.time >= start) & (signal.time < end)
+        fine = np.linspace(start, end, _FINE) - centre
+        turns = np.exp(2j * np.pi * fit.frequency[i] * np.outer(fit.orders, fine))
+        course = fit.mean[i] + fit.slope[i] * fine + np.nansum((fit.coefficients[i][:, None] * turns).real, axis=0)
+        at = {"run": run.run.name, "flow_set": level}
+        measured += [
+            {**at, "time": a - start, "measured": b}
+            for a, b in zip(signal.time[inside], signal.values[inside], strict=True)
+        ]
+        fitted += [{**at, "time": a + centre - start, "fitted": b} for a, b in zip(fine, course, strict=True)]
+    return measured, fitted

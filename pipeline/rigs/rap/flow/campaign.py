@@ -150,6 +150,7 @@ def _row(estimator: str, name: str, inside: FlowWindows, errors: np.ndarray) -> 
     if not known.any():
         return []
     e = errors[known]
+    line = errors[known & unclamped(inside)]
     at = int(np.flatnonzero(known)[np.argmax(np.abs(e))])
     where = f"run {inside.run[at]}"
     if np.isfinite(inside.flow_set[at]):
@@ -161,6 +162,7 @@ def _row(estimator: str, name: str, inside: FlowWindows, errors: np.ndarray) -> 
             estimator,
             name,
             float(np.abs(e).max()),
+            float(np.abs(line).max()) if line.size else float("nan"),
             float(np.sqrt(np.mean(e**2))),
             float(np.mean(e)),
             int(e.size),

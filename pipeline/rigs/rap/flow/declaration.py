@@ -44,7 +44,7 @@ class FlowSettings(Settings):
 
 OPERATING = (
     ConditionSpec("estimator", "", "E0: V f, V from the lowest set-point; E1: V f; E2: pulsation; E3: mean pressures; rap: the device's own"),
-    ConditionSpec("flow_set", "m^3/s", "blood flow as set"),
+    ConditionSpec("flow_set", "m^3/s", "blood flow as set", read_as="mL/min"),
 )  # fmt: skip
 PARAMETERS = (
     ParameterSpec("stroke_volume", "V_g", "m^3", "volume of a roller passage (E2)", "eq. 6", key=True),
@@ -53,7 +53,7 @@ PARAMETERS = (
     ParameterSpec("stroke_volume_mean", "V_0", "m^3", "volume of a roller passage against no pressure (E3)", "3.5, E3", key=True),
     ParameterSpec("pump_compliance", "C_p", "m^3/Pa", "volume of a passage lost for a pascal of back pressure, by the device's sensors (E3)", "3.5, E3", key=True),
     ParameterSpec("flow", r"\hat Q", "m^3/s", "estimated blood flow, mean of the windows", "eq. 6; 3.5"),
-    ParameterSpec("flow_error_max", r"\max|e|", "1", "largest relative error of a window, (estimate - meter)/meter", "5.3", key=True),
+    ParameterSpec("flow_error_max", r"\max|e|", "1", "largest relative error of a window, (estimate - meter)/meter", "5.3"),
     ParameterSpec("flow_error_rms", "e_{rms}", "1", "relative error of the windows, root mean square", "5.3"),
 )  # fmt: skip
 

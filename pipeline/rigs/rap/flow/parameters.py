@@ -147,11 +147,13 @@ def models_of(found: Campaign) -> list[ModelResult]:
     )
     rows = []
     for name, law in found.laws.items():
+        if name == "E0":
+            continue  # other data
         residual = law.flow(law.windows) - law.windows.flow
         rms = float(np.sqrt(np.mean(residual**2)))
         rows.append(
             ModelResult(
-                name=name, family="blood flow" if name != "E0" else "lowest set-point", selected=name == best or name == "E0",
+                name=name, selected=name == best,
                 n_parameters=law.values.size, n_data=law.windows.size, rms_residual=rms, unit="m^3/s", nrmse=rms / spread if spread > 0.0 else None,
                 cv_error=law.misfit * mean / spread if spread > 0.0 and math.isfinite(law.misfit) else None, description=_WORDS[name],
             )

@@ -17,11 +17,12 @@ ESTIMATORS = ("E0", "E1", "E2", "E3")
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """Relative errors of one estimator over the windows of one set: largest, root mean square, mean, of how many windows."""
+    """Relative errors of one estimator over the windows of one set: largest (and that with the access line open), rms, mean, of how many."""
 
     estimator: str
     set: str
     worst: float
+    worst_open: float
     rms: float
     mean: float
     count: int

@@ -7,13 +7,11 @@ import math
 import numpy as np
 
 from pipeline.findings import Findings, Parameter
-from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Table, Text, Value
+from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Table, Text
 from pipeline.rigs.rap.flow.estimators import F_0
 from pipeline.rigs.rap.flow.sections_errors import Blocks, label, roles
 
-_LAWS = {
-    "stroke_volume": "E2", "y0": "E2", "y1": "E2", "stroke_volume_mean": "E3", "pump_compliance": "E3",
-}  # fmt: skip
+_COEFFICIENTS = ("stroke_volume", "y0", "y1", "stroke_volume_mean", "pump_compliance")
 _TRAP = {"E1": "E1, V f", "affine": "Q = a f + b", "E2": "E2, pulsation", "E3": "E3, mean pressures"}
 
 
@@ -23,15 +21,8 @@ def _one(findings: Findings, name: str) -> Parameter | None:
 
 
 def of_calibration(findings: Findings) -> Blocks:
-    """Return the coefficients and what they were read off."""
-    rows: list[list[Cell]] = []
+    """Return what the coefficients were read off, and which are not determined."""
     blocks: Blocks = []
-    for name, law in _LAWS.items():
-        p = next(iter(findings.find(name)), None)
-        if p is not None:
-            rows.append(
-                [law, name, Value(p.value, p.std_error, p.ci95, "" if p.value is not None else p.description), p.unit]
-            )
     if not findings.arrays["windows"]["flow"].notna().any():
         return []
     panels = [panel for panel in (_stroke(findings), _admittance(findings)) if panel is not None]
@@ -45,20 +36,12 @@ def of_calibration(findings: Findings) -> Blocks:
             )
         )  # fmt: skip
     missing = [
-        p.description for name in _LAWS if (p := next(iter(findings.find(name)), None)) is not None and p.value is None
+        p.description
+        for name in _COEFFICIENTS
+        if (p := next(iter(findings.find(name)), None)) is not None and p.value is None
     ]
     if missing:
         blocks.append(Text([f"Not determined: {reason}." for reason in dict.fromkeys(missing)]))
-    told = [row for row in rows if isinstance(row[2], Value) and row[2].value is not None]
-    for unit in dict.fromkeys(str(row[3]) for row in told):
-        group = [row[:3] for row in told if row[3] == unit]
-        blocks.append(
-            Table(
-                f"coefficients_{'_'.join(str(row[1]) for row in group)}", f"Coefficients in {unit.replace('^3', '³')}",
-                "With 95 % intervals: scatter of operating points or spread over left-out set-points, whichever is larger, and the meter's gain.",
-                [Column("estimator"), Column("coefficient"), Column("value", unit)], group,
-            )
-        )  # fmt: skip
     return blocks
 
 

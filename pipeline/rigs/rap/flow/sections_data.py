@@ -39,14 +39,13 @@ def of_set_points(findings: Findings) -> Blocks:
 def of_windows(findings: Findings) -> Blocks:
     """Return 10 s of pulsation with its fit, and frequency and amplitude over time."""
     blocks: Blocks = []
-    example = findings.arrays["example"]
+    example, fit = findings.arrays["example"], findings.arrays["example_fit"]
     panels = []
     for level in list(dict.fromkeys(example["flow_set"]))[:_SHOWN]:
-        rows = example[example["flow_set"] == level] if np.isfinite(level) else example
-        x = rows["time"].to_numpy()
+        rows, line = (table[table["flow_set"] == level] if np.isfinite(level) else table for table in (example, fit))
         marks: list[Mark] = [
-            Points(x, rows["measured"].to_numpy(), "measured", "samples"),
-            Line(x, rows["fitted"].to_numpy(), "model", "mean, trend, harmonics 1 to 3"),
+            Points(rows["time"].to_numpy(), rows["measured"].to_numpy(), "measured", "samples"),
+            Line(line["time"].to_numpy(), line["fitted"].to_numpy(), "model", "mean, trend, harmonics 1 to 3"),
         ]
         title = f"{level / _ML_MIN:.3g} mL/min" if np.isfinite(level) else "set-point not logged"
         panels.append(Panel(marks, Axis("time in the window", "s"), Axis("pressure", "mmHg"), title))

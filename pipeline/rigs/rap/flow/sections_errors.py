@@ -22,6 +22,7 @@ from pipeline.findings.figures import (
     Status,
     Table,
     Text,
+    Value,
 )
 from pipeline.rigs.rap.flow.paper import WORST_ERROR
 
@@ -48,7 +49,7 @@ def of_errors(findings: Findings) -> Blocks:
     blocks: Blocks = [Text([meter_position(findings)])]
     if known.empty:
         return blocks
-    return [*blocks, _over_meter(known), *_errors(findings, known), _table(findings)]
+    return [*blocks, _over_meter(known), *_errors(findings, known), _table(findings), _flows(findings)]
 
 
 def meter_position(findings: Findings) -> str:
@@ -146,6 +147,11 @@ def _scatter(rows: pd.DataFrame, windows: pd.DataFrame, column: str) -> np.ndarr
     return np.array([float(sd.get(tuple(row), math.nan)) for row in rows[keys].to_numpy()])
 
 
+def _share(value: float) -> float | None:
+    """Return a share to a hundredth of a percent."""
+    return round(float(value), 4) if math.isfinite(value) else None
+
+
 def _table(findings: Findings) -> Table:
     errors = findings.arrays["errors"]
     limit = float(findings.settings.get("error_limit", WORST_ERROR))
@@ -156,12 +162,36 @@ def _table(findings: Findings) -> Table:
             judged = name in ("E2", "E3", "rap")
             word = f"{'below' if good else 'above'} {100 * limit:.3g} %"
             rows.append([
-                words, label(str(row["set"])), float(row["worst"]), float(row["rms"]), float(row["mean"]), int(row["count"]),
-                Status(word, "ok" if good else "rejected") if judged else Status(word), str(row["where"]),
+                words, label(str(row["set"])), *(_share(row[key]) for key in ("worst", "worst_open", "rms", "mean")), int(row["count"]),
+                Status(word, "ok" if good else "warning") if judged else Status(word), str(row["where"]),
             ])  # fmt: skip
     return Table(
         "estimators", "Errors of the estimators",
         "(estimate - meter)/meter over the windows of each set. Errors on the calibration set say how well a law fits; only the hold-out says how well it predicts. E0, E1, "
-        "the quadratic term and the affine law stand here for comparison.",
-        [Column("estimator"), Column("set"), Column("largest", "%"), Column("rms", "%"), Column("mean", "%"), Column("windows"), Column("limit"), Column("worst in")], rows,
+        "the quadratic term and the affine law stand here for comparison. The paper's test had the access line open.",
+        [Column("estimator"), Column("set"), Column("largest", "%"), Column("largest, line open", "%"), Column("rms", "%"), Column("mean", "%"), Column("windows"), Column("limit"), Column("worst in")], rows,
+    )  # fmt: skip
+
+
+def _flows(findings: Findings) -> Table:
+    """Return the estimated flows of every run and set-point beside the meter."""
+    table = findings.arrays["flows"]
+    rows: list[list[Cell]] = []
+    for (run, level), both in table.groupby(["run", "flow_set"], sort=False, dropna=False):
+        cells: list[Cell] = []
+        told: list[str] = []
+        for name in ("E2", "E3"):
+            row = both[both["estimator"] == name].iloc[0]
+            at = {"flow_set": float(level)} if math.isfinite(level) else {}
+            found = next(iter(findings.find("flow", run=str(run), estimator=name, **at)), None)
+            known = found is not None and found.value is not None
+            cells.append(Value(found.value, found.std_error, found.ci95) if found is not None and known else None)
+            told += [f"{name}: {text}" for text in (row["doubt"] or row["why_not"],) if text]
+        metered = float(both["metered"].iloc[0])
+        flow_set = float(level) if math.isfinite(level) else None
+        rows.append([str(run), flow_set, metered if math.isfinite(metered) else None, *cells, "; ".join(told)])
+    return Table(
+        "flows", "Estimated flow of each set-point",
+        "Mean of all windows of a run at a set-point, with 95 % intervals: clamp settings of a run are together. The meter's mean is beside it.",
+        [Column("run"), Column("set", "mL/min"), Column("meter", "mL/min"), Column("E2", "mL/min"), Column("E3", "mL/min"), Column("remark")], rows,
     )  # fmt: skip
