@@ -67,12 +67,12 @@ def marched(truth: RigTruth, run: str, drive: Drive, rng: np.random.Generator, s
 
 def device_clock(truth: RigTruth) -> Clock:
     """Return the clock of all of the device's tables."""
-    return Clock(truth.device_lag, 1e-6 * truth.device_ppm, truth.device_jitter)
+    return Clock(truth.device_lag, 1e-6 * truth.device_ppm, truth.device_jitter, truth.jitter_sampled)
 
 
 def bench_clock(truth: RigTruth) -> Clock:
     """Return the clock of the bench."""
-    return Clock(0.0, 1e-6 * truth.bench_ppm, truth.bench_jitter)
+    return Clock(0.0, 1e-6 * truth.bench_ppm, truth.bench_jitter, truth.jitter_sampled)
 
 
 def poles_of(truth: RigTruth) -> Poles:

@@ -50,6 +50,8 @@ class RigTruth:
     device_lag, device_ppm, device_jitter
         The device starts that much later than the bench (s), its stamps grow that much slower than the bench's (1e-6),
         and are that much off (1 sigma, s). ``bench_*``, ``scale_*`` likewise, against true time.
+    jitter_sampled
+        Whether the samples are taken when the jittering stamps say; else evenly, and the stamps alone are off.
     meter_noise, meter_gain, meter_time, flowmeter_location
         Flow meter: white noise (m^3/s), gain, time constant (s), access or return.
     pump_encoder
@@ -114,6 +116,7 @@ class RigTruth:
     device_lag: float = 3.37
     device_ppm: float = 40.0
     device_jitter: float = 0.002
+    jitter_sampled: bool = False
     bench_ppm: float = 0.0
     bench_jitter: float = 0.0
     scale_lag: float = 1.6
