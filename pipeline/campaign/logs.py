@@ -18,7 +18,21 @@ from pipeline.recording import QualityFinding
 
 RUNS_TABLE = "runs.csv"
 # What lies beside logs without being one: notes, pictures, what version control keeps.
-_BESIDE = {".md", ".pdf", ".jpg", ".jpeg", ".png", ".doc", ".docx", ".dvc", ".yaml", ".yml", ".html", ".rst"}
+_BESIDE = {
+    ".md",
+    ".pdf",
+    ".jpg",
+    ".jpeg",
+    ".png",
+    ".doc",
+    ".docx",
+    ".dvc",
+    ".yaml",
+    ".yml",
+    ".html",
+    ".rst",
+    ".tdms_index",
+}
 _TABLE = re.compile(r"^(.+)\.([a-z]{2}[a-z0-9_]+)$")
 
 
@@ -54,7 +68,7 @@ def of_folder(folder: Path) -> list[Path]:
     ]
     if not paths:
         raise InputError(
-            f"{folder}: holds no logs; drop at least one CSV, MCAP or MAT file into it "
+            f"{folder}: holds no logs; drop at least one log (CSV, MCAP, MAT, TDMS, MDF, HDF5, Parquet) into it "
             "(runs.csv, notes and pictures do not count)."
         )
     return paths

@@ -31,12 +31,6 @@ class _Foreign(NamedTuple):
 
 
 _FOREIGN = (
-    _Foreign("MATLAB v7.3", (".mat",), ((0, b"MATLAB 7.3"),), "save it in MATLAB with save(..., '-v7')"),
-    _Foreign("HDF5", (".h5", ".hdf5", ".hdf", ".nc"), ((0, b"\x89HDF\r\n\x1a\n"),), "export it as CSV or MAT v7"),
-    _Foreign("TDMS (LabVIEW)", (".tdms",), ((0, b"TDSm"), (0, b"TDSh")), "export it as CSV or MAT v7"),
-    _Foreign("MDF (CAN and INCA logs)", (".mf4", ".mdf", ".dat"), ((0, b"MDF     "),), "export it as CSV or MAT v7"),
-    _Foreign("Parquet", (".parquet",), ((0, b"PAR1"),), "write its table as CSV"),
-    _Foreign("Feather/Arrow", (".feather", ".arrow"), ((0, b"ARROW1"), (0, b"FEA1")), "write its table as CSV"),
     _Foreign("rosbag 1", (".bag",), ((0, b"#ROSBAG V"),), "convert it with 'mcap convert in.bag out.mcap'"),
     _Foreign(
         "SQLite (rosbag 2 .db3)", (".db3", ".sqlite", ".db"), ((0, b"SQLite format 3\0"),),

@@ -185,8 +185,8 @@ def test_any_numeric_variables_read_as_scipy_reads_them(tmp_path_factory, variab
     ("content", "words"),
     [
         (b"", "the file is empty"),
-        (b"MATLAB 7.3 MAT-file, Platform: PCWIN64" + bytes(600), r"version 7\.3 \(HDF5\).*save\('bad\.mat', '-v7'\)"),
-        (bytes(512) + b"\x89HDF\r\n\x1a\n", r"version 7\.3"),
+        (b"MATLAB 7.3 MAT-file, Platform: PCWIN64" + bytes(600), r"HDF5 file is broken or was cut off"),
+        (bytes(512) + b"\x89HDF\r\n\x1a\n", r"HDF5 file is broken or was cut off"),
         (b"# Created by Octave 6.4.0\n# name: x\n", "Octave's own format"),
         (b"time;force\n0;1\n1;2\n" * 9, "this is no MAT file: it begins with b'time;for'"),
         (bytes(range(256)) * 4, "this is no MAT file"),

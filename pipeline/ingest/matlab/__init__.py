@@ -1,4 +1,4 @@
-"""MATLAB files up to version 7: `READER` reads them."""
+"""MATLAB files: `READER` reads them."""
 
 from pipeline.ingest.matlab.reader import READER
 

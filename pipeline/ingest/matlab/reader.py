@@ -1,8 +1,8 @@
-"""The reader of MATLAB files up to version 7 (MAT v5, v4): vectors are channels, scalars conditions.
+"""The reader of MATLAB files (MAT v4, v5 and, with h5py, v7.3): vectors are channels, scalars conditions.
 
 Vectors of one length share a table, with the time vector of that length; structs give dotted names.
-Files of version 7.3 are HDF5 and are refused. MAT files give no units. They are read whole, with a
-parser of our own: scipy's ends the process on some damaged files, and is slow to import.
+MAT files give no units. They are read whole, up to version 7 with a parser of our own: scipy's ends the process on some
+damaged files, and is slow to import.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError, listing
-from pipeline.ingest.matlab import mat4, mat5
+from pipeline.ingest.hdf5 import MARK
+from pipeline.ingest.matlab import mat4, mat5, mat73
 from pipeline.ingest.matlab.values import BrokenFileError, Struct, Unread, Value
 from pipeline.ingest.reader import BLOCK_ROWS, RawChannel, RawLog, RawTable, Reader
 from pipeline.recording import QualityFinding
 
-_HDF5 = b"\x89HDF\r\n\x1a\n"
 _MOST_COLUMNS = 64
 _MOST_ELEMENTS = 64
 # Shorter vectors beside longer ones are parameters, not signals.
@@ -59,7 +59,7 @@ class MatlabTable(RawTable):
 
 
 class MatlabReader(Reader):
-    """Reads MAT files of version 4 to 7."""
+    """Reads MAT files of version 4 to 7.3."""
 
     name = "matlab"
     version = 1
@@ -75,7 +75,7 @@ class MatlabReader(Reader):
         Raises
         ------
         InputError
-            If it is empty, broken, of version 7.3, no MAT file, or holds no vector of numbers.
+            If it is empty, broken, no MAT file, or holds no vector of numbers.
         """
         try:
             head = _checked_head(path)
@@ -91,7 +91,10 @@ class MatlabReader(Reader):
             raise InputError(f"{path}: this MAT file holds no vector of numbers to read as a channel; it has {found}.")
         notes = [QualityFinding("note", text) for text in contents.notes]
         notes += [QualityFinding("note", f"a variable was left out: {text}.") for text in contents.left_out]
-        details = {"version": "5" if head.startswith(b"MATLAB 5") else "4", "variables": listing(variables)}
+        details = {
+            "version": "7.3" if _is_73(head) else "5" if head.startswith(b"MATLAB 5") else "4",
+            "variables": listing(variables),
+        }
         return RawLog(path, "MATLAB", tables, contents.metadata, details, tuple(notes))
 
 
@@ -100,15 +103,13 @@ def _checked_head(path: Path) -> bytes:
         head = file.read(1024)
     if not head:
         raise InputError(f"{path}: the file is empty (0 bytes). Save it again.")
-    if head.startswith((b"MATLAB 7.3", _HDF5)) or _HDF5 in (head[512 : 512 + len(_HDF5)],):
-        raise InputError(
-            f"{path}: this is a MAT file of version 7.3 (HDF5). Reading those takes the optional extra 'hdf5' "
-            "(h5py), which this version of rigfit does not have yet. Load the file in MATLAB and save it with "
-            f"save('{path.name}', '-v7')."
-        )
     if head.startswith((b"# Created by Octave", b"Octave-1")):
         raise InputError(f"{path}: this is a file in Octave's own format. Save it in Octave with: save -v7 {path.name}")
     return head
+
+
+def _is_73(head: bytes) -> bool:
+    return head.startswith((b"MATLAB 7.3", MARK)) or head[512 : 512 + len(MARK)] == MARK
 
 
 def _load(path: Path, head: bytes) -> dict[str, Value]:
@@ -116,6 +117,8 @@ def _load(path: Path, head: bytes) -> dict[str, Value]:
         size = file.seek(0, 2)
         file.seek(0)
         try:
+            if _is_73(head):
+                return dict(mat73.variables(path))
             if head.startswith(b"MATLAB 5") or head[124:128] in (b"\0\x01IM", b"\x01\0MI"):
                 return dict(mat5.variables(file, size))
             if mat4.is_mat4(head):

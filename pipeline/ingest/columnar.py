@@ -1,0 +1,241 @@
+"""The reader of Parquet and Feather (Arrow) logs: `READER` reads them; the file is one table.
+
+Units stand in a field's metadata, or in the schema's under a channel's name; times as dates count from their first.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.ingest.column_table import as_numbers, as_text, named, seconds_since
+from pipeline.ingest.reader import BLOCK_ROWS, RawChannel, RawLog, RawTable, Reader
+from pipeline.recording import QualityFinding
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_PARQUET, _ARROW, _FEATHER_1 = b"PAR1", b"ARROW1", b"FEA1"
+_UNITS = ("unit", "units", "Unit")
+# What libraries write about themselves into a schema.
+_OF_THE_CARRIER = ("pandas", "ARROW:", "PARQUET:", "rigfit", "huggingface", "geo")
+
+
+class ColumnarReader(Reader):
+    """Reads Parquet files, and Feather files of version 2 (Arrow's own)."""
+
+    name = "columnar"
+    version = 1
+    suffixes = (".parquet", ".pq", ".feather", ".arrow", ".ipc")
+
+    def recognises(self, head: bytes, suffix: str) -> bool:
+        """Tell by the mark at the front; a file named so is taken too, to say what is wrong with it."""
+        return head.startswith((_PARQUET, _ARROW, _FEATHER_1)) or suffix in self.suffixes
+
+    def open(self, path: Path) -> RawLog:
+        """Read the schema.
+
+        Raises
+        ------
+        InputError
+            If the file is broken, or holds no column of numbers.
+        """
+        source = _source(path)
+        table = ArrowTable(path, source)
+        if not any(not channel.is_text for channel in table.channels):
+            raise InputError(f"{path}: this {source.kind} file holds no column of numbers to read as a channel.")
+        notes = [QualityFinding("note", f"the column '{name}' ({kind}) is left out.") for name, kind in table.left_out]
+        details = {"rows": str(source.rows), "columns": str(len(source.schema))}
+        return RawLog(path, source.kind, [table], _metadata(source.schema.metadata), details, tuple(notes))
+
+
+class _Source:
+    """An opened file: its kind, schema, number of rows, and its batches of some columns."""
+
+    def __init__(self, path: Path, kind: str, schema: pa.Schema, rows: int) -> None:
+        self.path, self.kind, self.schema, self.rows = path, kind, schema, rows
+
+    def batches(self, names: Sequence[str]) -> Iterator[pa.RecordBatch]:
+        if self.kind == "Parquet":
+            import pyarrow.parquet as pq
+
+            with pq.ParquetFile(self.path) as file:
+                yield from file.iter_batches(BLOCK_ROWS, columns=list(names))
+            return
+        import pyarrow as pa
+        import pyarrow.ipc as ipc
+
+        with pa.memory_map(str(self.path)) as mapped:
+            file = ipc.open_file(mapped)
+            for at in range(file.num_record_batches):
+                batch = file.get_batch(at).select(list(names))
+                for start in range(0, batch.num_rows, BLOCK_ROWS):
+                    yield batch.slice(start, BLOCK_ROWS)
+
+
+class ArrowTable(RawTable):
+    """The columns of numbers, truth values, dates and words; nested ones are left out."""
+
+    def __init__(self, path: Path, source: _Source) -> None:
+        import pyarrow.types as types
+
+        self.name = ""
+        self._path, self._source = path, source
+        self.left_out: list[tuple[str, str]] = []
+        self.channels = []
+        self._dates: list[str] = []
+        for field in source.schema:
+            kind = field.type
+            if types.is_dictionary(kind):
+                kind = kind.value_type
+            if types.is_temporal(kind) and not types.is_duration(kind) and not types.is_time(kind):
+                self._dates.append(field.name)
+                self.channels.append(RawChannel(field.name, "s"))
+            elif types.is_duration(kind) or types.is_time(kind):
+                self.channels.append(RawChannel(field.name, "s"))
+            elif types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind) or types.is_decimal(kind):
+                self.channels.append(RawChannel(field.name, _unit(field, source.schema)))
+            elif types.is_string(kind) or types.is_large_string(kind) or types.is_string_view(kind):
+                self.channels.append(RawChannel(field.name, None, is_text=True))
+            else:
+                self.left_out.append((field.name, str(kind)))
+        self._text = {channel.name for channel in self.channels if channel.is_text}
+        in_file = [channel.name for channel in self.channels]
+        self.channels = named(self.channels)
+        self._in_file = dict(zip([channel.name for channel in self.channels], in_file, strict=True))
+        self._zeros = {name: self._first_date(name) for name in self._dates}
+        dated = [name for name in self._dates if self._zeros[name] is not None]
+        if len(dated) == 1:
+            self.time_channel = dated[0]
+            self.absolute_start = str(self._zeros[dated[0]])
+
+    def blocks(self, names: Sequence[str] | None = None) -> Iterator[dict[str, np.ndarray]]:
+        """Yield the rows; see `RawTable.blocks`."""
+        wanted = {name: column for name, column in self._in_file.items() if names is None or name in names}
+        if not wanted:
+            return
+        try:
+            for batch in self._source.batches(list(wanted.values())):
+                if batch.num_rows:
+                    yield {name: self._plain(column, batch.column(column)) for name, column in wanted.items()}
+        except (OSError, ValueError) as error:  # pyarrow's errors are of these kinds
+            raise _broken(self._path, self._source.kind, error) from error
+
+    def _plain(self, name: str, column: pa.Array) -> np.ndarray:
+        import pyarrow.types as types
+
+        if types.is_dictionary(column.type):
+            column = column.dictionary_decode()
+        if name in self._zeros:
+            zero = self._zeros[name]
+            return seconds_since(_dates(column), np.datetime64("1970-01-01", "ns") if zero is None else zero)
+        if name in self._text:
+            return as_text(np.array(column.to_pylist(), dtype=object))
+        if types.is_duration(column.type) or types.is_time(column.type):
+            return _lasting(column)
+        if types.is_decimal(column.type) or types.is_boolean(column.type):
+            column = column.cast("float64")
+        return as_numbers(np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64))
+
+    def _first_date(self, name: str) -> np.datetime64 | None:
+        try:
+            for batch in self._source.batches([name]):
+                dates = _dates(batch.column(name))
+                known = dates[~np.isnat(dates)]
+                if known.size:
+                    return np.datetime64(known[0], "ns")
+        except (OSError, ValueError) as error:
+            raise _broken(self._path, self._source.kind, error) from error
+        return None
+
+
+def _dates(column: pa.Array) -> np.ndarray:
+    import pyarrow as pa
+
+    plain = column.cast(pa.timestamp("ns", getattr(column.type, "tz", None)))
+    return np.asarray(plain.to_numpy(zero_copy_only=False)).astype("datetime64[ns]")
+
+
+def _lasting(column: pa.Array) -> np.ndarray:
+    """Return durations and times of day in seconds."""
+    import pyarrow as pa
+    import pyarrow.types as types
+
+    seconds = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[column.type.unit]
+    whole = pa.int64() if types.is_duration(column.type) or column.type.bit_width == 64 else pa.int32()
+    counts = column.cast(whole).to_numpy(zero_copy_only=False)
+    return np.asarray(counts, dtype=np.float64) * seconds
+
+
+def _source(path: Path) -> _Source:
+    import pyarrow as pa
+    import pyarrow.ipc as ipc
+    import pyarrow.parquet as pq
+
+    with path.open("rb") as file:
+        head = file.read(8)
+    kind = "Parquet" if head.startswith(_PARQUET) else "Feather (Arrow)"
+    if head.startswith(_FEATHER_1):
+        raise InputError(
+            f"{path}: is a Feather file of version 1, which its makers gave up; read it with pandas and write it again."
+        )
+    if not head.startswith((_PARQUET, _ARROW)):
+        raise InputError(
+            f"{path}: is called {path.suffix}, but is no Parquet or Feather file (it begins with the bytes {head.hex(' ')})."
+        )
+    try:
+        if kind == "Parquet":
+            with pq.ParquetFile(path) as parquet:
+                return _Source(path, kind, parquet.schema_arrow, parquet.metadata.num_rows)
+        with pa.memory_map(str(path)) as mapped:
+            opened = ipc.open_file(mapped)
+            rows = sum(opened.get_batch(at).num_rows for at in range(opened.num_record_batches))
+            return _Source(path, kind, opened.schema, rows)
+    except (OSError, ValueError) as error:
+        raise _broken(path, kind, error) from error
+
+
+def _broken(path: Path, kind: str, error: Exception) -> InputError:
+    return InputError(
+        f"{path}: this {kind} file is broken or was cut off ({str(error).splitlines()[0][:160]}). Its list of contents stands "
+        "at its end, so that nothing of it can be read; copy or write it again."
+    )
+
+
+def _unit(field: pa.Field, schema: pa.Schema) -> str | None:
+    for metadata, keys in (
+        (field.metadata, _UNITS),
+        (schema.metadata, (*(f"{key}.{field.name}" for key in _UNITS), f"{field.name}.unit")),
+    ):
+        for key in keys:
+            if (value := (metadata or {}).get(key.encode())) is not None:
+                return str(value.decode("utf-8", "replace")).strip() or None
+    return None
+
+
+def _metadata(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
+    """Return what the schema says of the run: entries of text, and members of an entry that is a JSON object."""
+    found: dict[str, str] = {}
+    for key, value in (metadata or {}).items():
+        name, text = key.decode("utf-8", "replace"), value.decode("utf-8", "replace").strip()
+        if name.startswith(_OF_THE_CARRIER) or name.startswith(tuple(f"{unit}." for unit in _UNITS)) or not text:
+            continue
+        members: Any = None
+        if text.startswith("{"):
+            try:
+                members = json.loads(text)
+            except (ValueError, RecursionError):
+                members = None
+        if isinstance(members, dict):
+            found |= {f"{name}.{k}": str(v) for k, v in members.items() if isinstance(v, str | int | float)}
+        else:
+            found[name] = text
+    return found
+
+
+READER = ColumnarReader()
