@@ -71,7 +71,7 @@ def _from_lines(found: ByLines, coarse: Coarse, stated: bool, search: float) -> 
     fit, below = found.fine.fit, found.clock
     names = list(fit.names)
     poles = sorted({found.fine.pole(p) for p in found.fine.pairs})
-    type_b = {name: 0.0 for name in names}
+    type_b = dict.fromkeys(names, 0.0)
     if not stated:
         other = found.refitted(found.bench_pole + BENCH_POLE_SD).fit.values
         type_b = {name: abs(other.get(name, fit.values[name]) - fit.values[name]) for name in names}
@@ -100,17 +100,28 @@ def _from_lines(found: ByLines, coarse: Coarse, stated: bool, search: float) -> 
     rate = (
         estimate("clock_rate", clock.rate, sd["rate"], dof=dof)
         if "rate" in names
-        else undetermined("clock_rate", "the record is too short to tell a drift of the clock: log minutes, not seconds")
+        else undetermined(
+            "clock_rate", "the record is too short to tell a drift of the clock: log minutes, not seconds"
+        )
     )
     told = list(_told_coarse(coarse, search)) + _told_clock(clock, found.track, doubt)
     if not stated:
         told.append(QualityFinding("note", f"{remark}; lag and pole carry it"))
     for name in found.strange:
         told.append(
-            QualityFinding("warning", f"the pulsation of {name} differs in size between device and bench by more than 30 %: left out of the alignment", channel=name)
+            QualityFinding(
+                "warning",
+                f"the pulsation of {name} differs in size between device and bench by more than 30 %: left out of the alignment",
+                channel=name,
+            )
         )
     if found.device_evened and shaken > _JITTER:
-        told.append(QualityFinding("note", f"the device's stamps jitter by {1e3 * shaken:.1f} ms while its samples were taken evenly: stamps were evened"))
+        told.append(
+            QualityFinding(
+                "note",
+                f"the device's stamps jitter by {1e3 * shaken:.1f} ms while its samples were taken evenly: stamps were evened",
+            )
+        )
     rows, fine = found.fine.rows, found.fine
     return Alignment(
         clock=clock,
@@ -121,7 +132,9 @@ def _from_lines(found: ByLines, coarse: Coarse, stated: bool, search: float) -> 
         coarse=coarse,
         poles=tuple(_pole(found, name, sd, dof, remark) for name in poles),
         gains=tuple(
-            estimate("pulsation_gain", fit.values[f"gain_{p}"], sd[f"gain_{p}"], dof=dof, at={"channel": found.pairs[p].name})
+            estimate(
+                "pulsation_gain", fit.values[f"gain_{p}"], sd[f"gain_{p}"], dof=dof, at={"channel": found.pairs[p].name}
+            )
             for p in fine.pairs
         ),
         pole_by_name=_pole_by_name(found),
@@ -166,7 +179,9 @@ def _from_steps(
     last = min(last, min(float(pair.device.time[-1]) + coarse.lag for pair in pairs))
     reference = 0.5 * (first + last)
     delay = _SENSOR_DELAY if all(pair.alike for pair in pairs) else _OTHER_DELAY
-    what = "no pulsation is seen on both sides: starts and steps alone tell the lag, and the delay of the sensors is in it"
+    what = (
+        "no pulsation is seen on both sides: starts and steps alone tell the lag, and the delay of the sensors is in it"
+    )
     covariance = np.diag([max(coarse.sd, delay) ** 2, (100e-6) ** 2])
     value, slope, slope_sd, dof = coarse.lag, 0.0, math.nan, math.inf
     if features.time.size:
@@ -183,9 +198,13 @@ def _from_steps(
         lag=undetermined("lag", doubt) if doubt else estimate("lag", value, sd, dof=dof, reason=what),
         rate=estimate("clock_rate", slope, slope_sd, dof=dof)
         if math.isfinite(slope_sd)
-        else undetermined("clock_rate", "one step alone tells no drift of the clock: stop or start the pump at both ends of the run"),
+        else undetermined(
+            "clock_rate", "one step alone tells no drift of the clock: stop or start the pump at both ends of the run"
+        ),
         coarse=coarse,
-        poles=(undetermined("sensor_pole", "no pulsation is seen on both sides: nothing tells the poles of the sensors"),),
+        poles=(
+            undetermined("sensor_pole", "no pulsation is seen on both sides: nothing tells the poles of the sensors"),
+        ),
         bench_pole=BENCH_POLE if bench_pole is None else bench_pole,
         bench_pole_stated=bench_pole is not None,
         track=track,
@@ -258,13 +277,29 @@ def _told_coarse(coarse: Coarse, search: float) -> tuple[QualityFinding, ...]:
             )
         )
     for name in coarse.flipped:
-        told.append(QualityFinding("warning", f"{name} runs against the bench's: sign flipped? It was left out of the fine alignment", channel=name))
+        told.append(
+            QualityFinding(
+                "warning",
+                f"{name} runs against the bench's: sign flipped? It was left out of the fine alignment",
+                channel=name,
+            )
+        )
     return tuple(told)
 
 
 def _told_clock(clock: Clock, track: Track, doubt: str) -> list[QualityFinding]:
     told = [QualityFinding("warning", doubt)] if doubt else []
-    if abs(clock.rate) > _DRIFT and math.isfinite(clock.covariance[1, 1]) and abs(clock.rate) > 3.0 * math.sqrt(clock.covariance[1, 1]) and track.time.size:
+    if (
+        abs(clock.rate) > _DRIFT
+        and math.isfinite(clock.covariance[1, 1])
+        and abs(clock.rate) > 3.0 * math.sqrt(clock.covariance[1, 1])
+        and track.time.size
+    ):
         end = float(clock.lag_at(track.time[-1:])[0])
-        told.append(QualityFinding("note", f"rate error {1e6 * clock.rate:+.1f} ppm of the device's clock; lag at end {end:.3f} s; corrected"))
+        told.append(
+            QualityFinding(
+                "note",
+                f"rate error {1e6 * clock.rate:+.1f} ppm of the device's clock; lag at end {end:.3f} s; corrected",
+            )
+        )
     return told

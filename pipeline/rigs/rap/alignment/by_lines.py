@@ -149,7 +149,13 @@ def _tracked(
             omega = 2.0 * np.pi * strokes.frequency
             ratio = ratio * (1.0 + 1j * omega * _POLE) / (1.0 + 1j * omega * bench_pole)
             delay = np.angle(ratio) / omega
-            sd = np.hypot(device.error[:, 0] / np.abs(device.amplitude[:, 0]), bench.error[:, 0] / np.abs(bench.amplitude[:, 0])) / omega
+            sd = (
+                np.hypot(
+                    device.error[:, 0] / np.abs(device.amplitude[:, 0]),
+                    bench.error[:, 0] / np.abs(bench.amplitude[:, 0]),
+                )
+                / omega
+            )
         delay[~(sd < 0.1 / strokes.frequency)] = np.nan
         at = strokes.windows.centre
         start = coarse.lag + _POLE - bench_pole - float(clock.lag_at(np.array(coarse.at)))
@@ -180,7 +186,9 @@ def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return float(start), float(slope)
 
 
-def _alike_in_size(pairs: Sequence[Pair], device: Sequence[Lines], bench: Sequence[Lines]) -> tuple[list[int], tuple[str, ...]]:
+def _alike_in_size(
+    pairs: Sequence[Pair], device: Sequence[Lines], bench: Sequence[Lines]
+) -> tuple[list[int], tuple[str, ...]]:
     """Return the numbers of the pairs whose lines are about the same size on both sides, and the names of the others."""
     kept, strange = [], []
     for i, (pair, ours, theirs) in enumerate(zip(pairs, device, bench, strict=True)):

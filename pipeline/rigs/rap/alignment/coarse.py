@@ -64,7 +64,9 @@ def _featured(courses: Sequence[tuple[Pair, Course, Course]]) -> bool:
             gap = max(round(_FEATURE_TIME / one.step), 1)
             change = np.abs(one.level[gap:] - one.level[:-gap]) * (one.known[gap:] & one.known[:-gap])
             usual = float(np.median(change))
-            both.append(float(change.max(initial=0.0)) / max(_FEATURE * pulsation if pair.alike else 0.0, 6.0 * usual, 1e-300))
+            both.append(
+                float(change.max(initial=0.0)) / max(_FEATURE * pulsation if pair.alike else 0.0, 6.0 * usual, 1e-300)
+            )
         changes.append(min(both))
     return max(changes, default=0.0) > 1.0
 

@@ -88,7 +88,9 @@ def correlation(device: Course, bench: Course, lowest: float, highest: float) ->
     product = together(x, y)
     power_x = np.maximum(together(x**2, bench.known.astype(float)), 0.0)
     power_y = np.maximum(together(device.known.astype(float), y**2), 0.0)
-    shared = np.minimum.reduce([np.arange(1, lags.size + 1), np.arange(lags.size, 0, -1), np.full(lags.size, min(x.size, y.size))])
+    shared = np.minimum.reduce(
+        [np.arange(1, lags.size + 1), np.arange(lags.size, 0, -1), np.full(lags.size, min(x.size, y.size))]
+    )
     total_x, total_y = float(x @ x), float(y @ y)
     enough = (shared >= 0.5 * min(x.size, y.size)) & (power_x > 0.25 * total_x) & (power_y > 0.25 * total_y)
     if x.size > 1.5 * y.size:

@@ -76,7 +76,9 @@ def rows_of(device: Sequence[Lines], bench: Sequence[Lines], strokes: Strokes, r
             ratio = ours.amplitude / theirs.amplitude
             size = np.abs(theirs.amplitude)
             sd = np.hypot(ours.error, np.abs(ratio) * theirs.error) / size
-            good = np.isfinite(ratio) & (size > _LEAST_LINE * theirs.error) & (np.abs(ours.amplitude) > 3.0 * ours.error)
+            good = (
+                np.isfinite(ratio) & (size > _LEAST_LINE * theirs.error) & (np.abs(ours.amplitude) > 3.0 * ours.error)
+            )
         window, k = np.nonzero(good)
         omega = 2.0 * np.pi * orders[k] * strokes.frequency[window]
         ahead = strokes.windows.centre[window] - reference

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,16 +31,17 @@ class Pair:
         return all(s.time.size >= 20 and float(np.ptp(s.values)) > 0.0 for s in both)
 
 
-def pairs_of(recording: Recording) -> tuple[Pair, ...]:
+def pairs_of(recording: Recording, without: Collection[str] = ()) -> tuple[Pair, ...]:
     """Return the pressures that both device and bench read; where there is none, a pressure and the flow meter.
 
-    Empty where the run holds no two clocks that see the same thing.
+    Empty where the run holds no two clocks that see the same thing. Taps named in `without` are left out.
     """
-    taps = tuple(_pair(recording, tap, pressure(tap, "rap"), pressure(tap, "bench")) for tap in TAPS)
+    wanted = [tap for tap in TAPS if tap not in without]
+    taps = tuple(_pair(recording, tap, pressure(tap, "rap"), pressure(tap, "bench")) for tap in wanted)
     alike = tuple(pair for pair in taps if pair is not None and pair.usable)
     if alike:
         return alike
-    for tap in ("prefilter", "access", "return"):
+    for tap in (tap for tap in ("prefilter", "access", "return") if tap in wanted):
         found = _pair(recording, tap, pressure(tap, "rap"), "blood_flow_bench", alike=False)
         if found is not None and found.usable:
             return (found,)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 # Samples either side over which the grid is taken; steps within that share of the usual one belong to one stretch.
@@ -22,7 +24,7 @@ def evened(time: np.ndarray) -> np.ndarray:
     steps = np.diff(out)
     usual = float(np.median(steps))
     bounds = [0, *(np.flatnonzero(np.abs(steps - usual) > _SAME * usual) + 1).tolist(), out.size]
-    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+    for first, last in pairwise(bounds):
         if last - first >= _FEWEST:
             out[first:last] = _smoothed(out[first:last])
     return out if np.all(np.diff(out) > 0) else np.array(time, dtype=float)

@@ -6,7 +6,6 @@ polynomial in each window, fitted to the bench; device and bench are compared on
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,7 +126,10 @@ def _follow_stack(stack: Stack, rate: float, use: np.ndarray, strokes: Strokes) 
         real = solution[:, _LEVEL + 1 :: 2, None]
         imaginary = solution[:, _LEVEL + 2 :: 2, None]
         turned = orders[:, None, None] * angle
-        slope = -(orders[:, None, None] * (np.moveaxis(real, 1, 0) * np.sin(turned) + np.moveaxis(imaginary, 1, 0) * np.cos(turned))).sum(axis=0)
+        slope = -(
+            orders[:, None, None]
+            * (np.moveaxis(real, 1, 0) * np.sin(turned) + np.moveaxis(imaginary, 1, 0) * np.cos(turned))
+        ).sum(axis=0)
         bends = np.stack([slope * p for p in _polynomials(scaled)], axis=-1) * part.weight[..., None]
         step = _solved(part, np.concatenate([columns, bends], axis=-1))[0][:, columns.shape[2] :]
         phase = phase + np.clip(step, -0.5, 0.5)

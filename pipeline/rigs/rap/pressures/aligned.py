@@ -39,6 +39,8 @@ class Aligned:
         Read at the same moments as it is, Pa.
     good
         Where both are known.
+    pole, pole_sd
+        Pole of the device's sensor that the bench was read through and its standard error, s.
     """
 
     name: str
@@ -47,6 +49,8 @@ class Aligned:
     bench: np.ndarray
     plain: np.ndarray
     good: np.ndarray
+    pole: float = 0.0
+    pole_sd: float = 0.0
 
     @property
     def rate(self) -> float:
@@ -63,7 +67,11 @@ def aligned(pair: Pair, alignment: Alignment) -> Aligned:
     tau_d = alignment.pole_by_name.get(pair.name) or _usual(alignment)
     equal, plain = _at(pair, alignment, time, (tau_d, alignment.bench_pole))
     known = np.isfinite(equal) & np.isfinite(plain)
-    return Aligned(pair.name, time, pair.device.values, equal, plain, known & _inside(time, pair.device.time))
+    spread = [
+        p.std_error for p in alignment.poles if p.std_error is not None and p.at.get("channel", pair.name) == pair.name
+    ]
+    good = known & _inside(time, pair.device.time)
+    return Aligned(pair.name, time, pair.device.values, equal, plain, good, tau_d, spread[0] if spread else 0.0)
 
 
 def _usual(alignment: Alignment) -> float:

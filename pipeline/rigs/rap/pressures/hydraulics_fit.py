@@ -1,0 +1,402 @@
+"""Resistances, compliances, inertance and ultrafiltration coefficient of the circuit from one run (rap.md, 3.3 and 5.4).
+
+Only ratios of pressure to flow are seen: an error of the flow meter's gain scales all of them, and is told apart. What
+this log cannot tell has a reason instead of a number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.estimation.estimate import Estimate, estimate, undetermined
+from pipeline.rigs.rap.circuit.hydraulics import Circuit
+from pipeline.rigs.rap.pressures.agreement import jackknifed
+from pipeline.rigs.rap.pressures.level_means import LevelMeans, level_means
+from pipeline.rigs.rap.pressures.levels import Level
+from pipeline.rigs.rap.pressures.return_line import ReturnLine, fit_return_line, ratios_of
+from pipeline.rigs.rap.pressures.uf_steps import UfSteps, uf_steps
+from pipeline.rigs.rap.tables import Signal
+
+NAMES = ("r_access", "r_filter", "r_return", "c_return", "l_return", "c_uf", "k_uf")
+UNOBSERVABLE = {
+    "c_1": "C_1 (pump to filter) is mixed with the unknown waveform of the pump; a pump that stops hard within 50 ms would tell it",
+    "c_access": "C_a rings with L_a for 0.4 s only when the pump stops fast; a ramp of 0.3 to 0.5 s hides it",
+    "l_access": "L_a rings with C_a for 0.4 s only when the pump stops fast; a ramp of 0.3 to 0.5 s hides it",
+}
+# Below this ultrafiltration counts as off: m^3/s where it is logged, Pa of transmembrane pressure where it is not.
+_UF_OFF, _TMP_OFF = 1e-9, 150.0
+_FEWEST = 3
+_BLOCK = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Pressures of one reader by tap, flow meter and ultrafiltration as set, all on one clock; None where not logged.
+
+    Attributes
+    ----------
+    taps
+        Pa, with their offsets: they are zeroed where the pump stands.
+    meter, location
+        Blood flow (m^3/s), and where its meter sits: access, return, or None where not stated.
+    uf
+        Ultrafiltration as set, m^3/s.
+    poles
+        Poles of the sensors by tap, s; missing ones count as alike.
+    meter_gain_u, pressure_gain_u, uf_gain_u
+        Relative standard uncertainties (type B) of the gains; None where not stated.
+    """
+
+    taps: Mapping[str, Signal]
+    meter: Signal | None = None
+    location: str | None = None
+    uf: Signal | None = None
+    poles: Mapping[str, float] = field(default_factory=dict)
+    meter_gain_u: float | None = None
+    pressure_gain_u: float | None = None
+    uf_gain_u: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Hydraulics:
+    """What the run tells of the circuit.
+
+    Attributes
+    ----------
+    estimates
+        By name of `NAMES`, SI; those that are not determined have the reason.
+    unobservable
+        Constants of eq. (3) that no run of this kind tells: name -> why.
+    means
+        Pressures, flow by window; `flow` (m^3/s, of blood before the filter) and `uf` (m^3/s) there, NaN where unknown.
+    zero
+        By tap, what the pressure reads while the pump stands, Pa; empty where it never does.
+    return_line, uf
+        Fits behind C_2, L_r and C_u; None where there is none.
+    circuit
+        The constants found, defaults of the rig's synthetic twin elsewhere; None where the resistances are missing.
+    """
+
+    estimates: Mapping[str, Estimate]
+    unobservable: Mapping[str, str]
+    means: LevelMeans
+    flow: np.ndarray
+    uf_flow: np.ndarray
+    zero: Mapping[str, float]
+    return_line: ReturnLine | None = None
+    uf: UfSteps | None = None
+    circuit: Circuit | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Slope:
+    """A proportion found: value, its values with each block left out (b,), error of the zero (relative)."""
+
+    value: float
+    left_out: np.ndarray
+    zero: float
+
+    @property
+    def relative(self) -> float:
+        spread = float(jackknifed(self.left_out[:, None])[0, 0])
+        return math.hypot(math.sqrt(spread) / abs(self.value), self.zero)
+
+    @property
+    def dof(self) -> float:
+        return float(max(self.left_out.size - 1, 1))
+
+
+def fit_hydraulics(readings: Readings, levels: Sequence[Level]) -> Hydraulics:
+    """Return the constants of the circuit.
+
+    Parameters
+    ----------
+    readings
+        Of one reader, the bench's for choice.
+    levels
+        Stretches of the run on the same clock, from `levels_of`.
+    """
+    taps = readings.taps
+    signals = dict(taps) | ({"flow": readings.meter} if readings.meter is not None else {})
+    strokes = next((taps[tap] for tap in ("prefilter", "return", "access") if tap in taps), next(iter(taps.values())))
+    means = level_means(signals, strokes, levels)
+    zero, zero_sd = _zeros(means, readings, levels)
+    p = {tap: means.mean[tap] - zero.get(tap, 0.0) for tap in taps}
+    uf = _uf_flow(means, levels, p)
+    flow = _blood_flow(means, readings.location, uf)
+    slopes: dict[str, _Slope | str] = {
+        "r_access": _resistance(means, p, zero_sd, flow, ("access",), flow, bool(zero)),
+        "r_filter": _resistance(means, p, zero_sd, flow, ("prefilter", "return"), flow - 0.5 * uf, bool(zero)),
+        "r_return": _resistance(means, p, zero_sd, flow, ("return",), flow - uf, bool(zero)),
+        "k_uf": _coefficient(means, p, uf, zero_sd),
+    }
+    if readings.meter is None:
+        for name in ("r_access", "r_filter", "r_return"):
+            slopes[name] = "there is no flow meter (blood_flow_bench): pressures alone tell no resistance"
+    b = _TypeB(readings)
+    found = {name: _told(name, slope, b) for name, slope in slopes.items()}
+    switched = _switched(readings, levels)
+    K = slopes["k_uf"]
+    found["c_uf"] = _c_uf(switched, K, b)
+    line, circuit, two = _return_line(readings, levels, slopes, switched, b)
+    found |= two
+    return Hydraulics(
+        {name: found[name] for name in NAMES}, dict(UNOBSERVABLE), means, flow, uf, zero, line, switched, circuit
+    )
+
+
+class _TypeB:
+    """Relative standard uncertainties of type B, and how they are told."""
+
+    def __init__(self, readings: Readings) -> None:
+        self.meter, self.pressure, self.uf = readings.meter_gain_u, readings.pressure_gain_u, readings.uf_gain_u
+
+    def of(self, name: str) -> tuple[float, str]:
+        """Return the relative uncertainty of type B of a parameter, and the words for it."""
+        flow, what, stated = (
+            (self.uf, "ultrafiltration as set", self.uf is not None)
+            if name == "k_uf" or name == "c_uf"
+            else (self.meter, "flow meter", self.meter is not None)
+        )
+        u = math.hypot(flow or 0.0, self.pressure or 0.0)
+        if stated or self.pressure is not None:
+            return u, f"gain of {what} and pressures (type B) {100 * u:.2g} %"
+        return u, f"gain of {what} and pressures taken as exact, their uncertainty not being stated"
+
+
+def _told(name: str, slope: _Slope | str, b: _TypeB) -> Estimate:
+    if isinstance(slope, str):
+        return undetermined(name, slope)
+    u, words = b.of(name)
+    random = slope.relative
+    value = slope.value
+    return estimate(
+        name,
+        value,
+        abs(value) * math.hypot(random, u),
+        dof=slope.dof,
+        reason=f"random part {100 * random:.2g} %; {words}",
+    )
+
+
+def _zeros(means: LevelMeans, readings: Readings, levels: Sequence[Level]) -> tuple[dict[str, float], dict[str, float]]:
+    """Return by tap what it reads while the pumps stand and the standard error of that, Pa; empty where they never do."""
+    zero, sd = {}, {}
+    at_rest = [level for level in levels if level.steady and not level.turning and not (level.uf_set or 0.0) > _UF_OFF]
+    for tap, signal in readings.taps.items():
+        inside = np.zeros(signal.time.size, dtype=bool)
+        for level in at_rest:
+            inside |= (signal.time >= level.start) & (signal.time <= level.end)
+        if inside.sum() >= 20:
+            values = signal.values[inside]
+            zero[tap] = float(values.mean())
+            from pipeline.estimation.uncertainty import effective_size
+
+            sd[tap] = float(values.std(ddof=1)) / math.sqrt(effective_size(values))
+    return (zero, sd) if len(zero) == len(readings.taps) else ({}, {})
+
+
+def _uf_flow(means: LevelMeans, levels: Sequence[Level], p: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the ultrafiltration in each window, m^3/s; where it is not logged, 0 where no pressure drives any, else NaN."""
+    flow = np.array([np.nan if levels[i].uf_set is None else levels[i].uf_set for i in means.level], dtype=float)
+    if {"prefilter", "return", "uf"} <= set(p):
+        tmp = 0.5 * (p["prefilter"] + p["return"]) - p["uf"]
+        flow = np.where(np.isnan(flow) & (np.abs(tmp) < _TMP_OFF), 0.0, flow)
+    return np.asarray(flow)
+
+
+def _blood_flow(means: LevelMeans, location: str | None, uf: np.ndarray) -> np.ndarray:
+    """Return the flow of blood before the filter in each window; NaN where the meter's place leaves it open."""
+    if "flow" not in means.mean:
+        return np.full(means.level.size, np.nan)
+    metered = means.mean["flow"]
+    if location == "access":
+        return metered
+    if location == "return":
+        return np.asarray(metered + uf)
+    # Not stated: both places read the same where nothing is drawn off.
+    return np.where(np.abs(uf) < _UF_OFF, metered, np.nan)
+
+
+def _resistance(
+    means: LevelMeans,
+    p: Mapping[str, np.ndarray],
+    zero_sd: Mapping[str, float],
+    flow: np.ndarray,
+    taps: tuple[str, ...],
+    q: np.ndarray,
+    zeroed: bool,
+) -> _Slope | str:
+    """Return the resistance from the drop at `taps` over the flow `q`, by windows; or why there is none."""
+    missing = [tap for tap in taps if tap not in p]
+    if missing:
+        return f"the pressure {' and '.join(missing)} is missing or left out"
+    sign = -1.0 if taps == ("access",) else 1.0
+    drop = sign * (p[taps[0]] - (p[taps[1]] if len(taps) > 1 else 0.0))
+    used = means.turning & np.isfinite(drop) & np.isfinite(q) & (np.abs(q) > 1e-8)
+    if used.sum() < _FEWEST:
+        known = np.isfinite(flow[means.turning]).any() if means.turning.any() else False
+        return (
+            "the pump turns in too few steady windows of 10 s"
+            if known or not means.turning.any()
+            else "the flow before the filter is open while fluid is drawn off: state flowmeter_location (access or return), or run without ultrafiltration"
+        )
+    x, y, block = q[used], drop[used], _blocks(means, used)
+    levels_apart = float(np.ptp(x)) > 0.15 * float(np.abs(x).mean())
+    if not zeroed and not levels_apart:
+        return "the pump never stands and turns at one speed only: the zero of the sensors cannot be told from the drop; stop the pump for 20 s"
+    through = zeroed
+    value = _slope(x, y, through)
+    left_out = np.array([_slope(x[block != b], y[block != b], through) for b in np.unique(block)])
+    if left_out.size < 3 or not np.all(np.isfinite(left_out)):
+        return "the pump turns in too few steady windows of 10 s"
+    off = math.sqrt(sum(zero_sd.get(tap, 0.0) ** 2 for tap in taps)) * float(x.sum() / (x @ x)) if through else 0.0
+    return (
+        _Slope(value, left_out, abs(off / value))
+        if value > 0
+        else "the pressure does not rise with the flow: check signs and channels"
+    )
+
+
+def _slope(x: np.ndarray, y: np.ndarray, through: bool) -> float:
+    if through:
+        return float(x @ y / (x @ x))
+    u = x - x.mean()
+    return float(u @ y / (u @ u)) if float(u @ u) > 0 else math.nan
+
+
+def _blocks(means: LevelMeans, used: np.ndarray) -> np.ndarray:
+    """Return to which block of neighbouring windows each used window belongs, shape (used,)."""
+    number = np.zeros(means.level.size, dtype=int)
+    for level in np.unique(means.level):
+        at = np.flatnonzero(means.level == level)
+        number[at] = 1000 * level + np.arange(at.size) // _BLOCK
+    return number[used]
+
+
+def _coefficient(
+    means: LevelMeans, p: Mapping[str, np.ndarray], uf: np.ndarray, zero_sd: Mapping[str, float]
+) -> _Slope | str:
+    """Return K_uf from the transmembrane pressure with the ultrafiltration on, against that with it off or at rest."""
+    missing = [tap for tap in ("prefilter", "return", "uf") if tap not in p]
+    if missing:
+        return f"the pressure {' and '.join(missing)} is missing or left out: there is no transmembrane pressure"
+    tmp = 0.5 * (p["prefilter"] + p["return"]) - p["uf"]
+    used = means.turning & np.isfinite(tmp) & np.isfinite(uf)
+    on, off = used & (uf > _UF_OFF), used & (np.abs(uf) <= _UF_OFF)
+    if on.sum() < _FEWEST:
+        return "the ultrafiltration was never on (uf_flow_set), or is not logged: nothing passes the membrane"
+    if not off.any() and not zero_sd:
+        return "the ultrafiltration is never off and the pump never stands: the zero of the transmembrane pressure is not known"
+    block = _blocks(means, used)
+    x, y, is_off = uf[used], tmp[used], off[used]
+
+    def value(kept: np.ndarray) -> float:
+        zero = float(y[kept & is_off].mean()) if off.any() and (kept & is_off).any() else 0.0
+        drawn = kept & ~is_off
+        return float(x[drawn] @ x[drawn] / (x[drawn] @ (y[drawn] - zero))) if drawn.any() else math.nan
+
+    whole = value(np.ones(x.size, dtype=bool))
+    left_out = np.array([value(block != b) for b in np.unique(block)])
+    if left_out.size < 3 or not np.all(np.isfinite(left_out)):
+        return "the ultrafiltration was on in too few steady windows of 10 s"
+    sd = zero_sd or {}
+    zero = 0.0
+    if not off.any():
+        zero = (
+            math.sqrt(0.25 * sd["prefilter"] ** 2 + 0.25 * sd["return"] ** 2 + sd["uf"] ** 2) * whole / float(x.mean())
+        )
+    return (
+        _Slope(whole, left_out, zero)
+        if whole > 0
+        else "the transmembrane pressure does not rise with the ultrafiltration: check signs and channels"
+    )
+
+
+def _switched(readings: Readings, levels: Sequence[Level]) -> UfSteps | None:
+    taps = readings.taps
+    if not {"prefilter", "return", "uf"} <= set(taps):
+        return None
+    pre, ret = taps["prefilter"], taps["return"]
+    same = pre.time.size == ret.time.size and bool(np.all(pre.time == ret.time))
+    back = ret.values if same else np.interp(pre.time, ret.time, ret.values)
+    return uf_steps(Signal("blood_side", pre.time, 0.5 * (pre.values + back)), taps["uf"], levels)
+
+
+def _c_uf(switched: UfSteps | None, K: _Slope | str, b: _TypeB) -> Estimate:
+    if isinstance(K, str):
+        return undetermined("c_uf", f"it needs K_uf: {K}")
+    if switched is None:
+        return undetermined(
+            "c_uf",
+            "the ultrafiltration is not switched while the pump turns steadily: nothing tells how its pressure follows",
+        )
+    random = math.hypot(switched.sd / switched.tau, K.relative)
+    u, words = b.of("c_uf")
+    value = switched.tau * K.value
+    return estimate(
+        "c_uf",
+        value,
+        value * math.hypot(random, u),
+        dof=switched.dof,
+        logarithmic=True,
+        reason=f"from tau_u = {switched.tau:.3f} s; random part {100 * random:.2g} %; {words}",
+    )
+
+
+def _return_line(
+    readings: Readings, levels: Sequence[Level], slopes: Mapping[str, _Slope | str], switched: UfSteps | None, b: _TypeB
+) -> tuple[ReturnLine | None, Circuit | None, dict[str, Estimate]]:
+    names = ("c_return", "l_return")
+    R_f, R_r, K = slopes["r_filter"], slopes["r_return"], slopes["k_uf"]
+    for slope in (R_f, R_r):
+        if isinstance(slope, str):
+            return None, None, {name: undetermined(name, f"it needs R_f and R_r: {slope}") for name in names}
+    assert isinstance(R_f, _Slope) and isinstance(R_r, _Slope)
+    usual = Circuit()
+    k_uf = K.value if isinstance(K, _Slope) else usual.K_uf
+    tau = switched.tau if switched is not None else usual.C_u / usual.K_uf
+    circuit = Circuit(R_f=R_f.value, R_r=R_r.value, K_uf=k_uf, C_u=tau * k_uf)
+    poles = (readings.poles.get("return", 0.0), readings.poles.get("prefilter", 0.0))
+    ratios = ratios_of(readings.taps["prefilter"], readings.taps["return"], levels, poles)
+    if ratios is None:
+        reason = "the pump's lines stand out in too few steady windows of pre-filter and return pressure"
+        return None, circuit, {name: undetermined(name, reason) for name in names}
+    line = fit_return_line(ratios, circuit)
+    known = {"R_f": R_f.relative, "R_r": R_r.relative}
+    # Without switches or ultrafiltration the membrane's share rests on usual constants: half of each is what is not known.
+    known["K_uf"] = K.relative if isinstance(K, _Slope) else 0.5
+    known["C_u"] = switched.sd / switched.tau if switched is not None else 0.5
+    together = (
+        float(np.mean((R_f.left_out / R_f.value - 1.0) * (R_r.left_out / R_r.value - 1.0)))
+        if R_f.left_out.size == R_r.left_out.size
+        else 0.0
+    )
+    together *= R_f.left_out.size - 1.0
+    found = {}
+    for i, (name, key) in enumerate(zip(names, ("C_2", "L_r"), strict=True)):
+        value = line.fit.values[key]
+        if key in line.fit.at_bound or not math.isfinite(line.fit.std_error[key]):
+            found[name] = undetermined(name, "the harmonic ratios do not tell it within plausible bounds")
+            continue
+        own = line.fit.std_error[key] / value
+        s = {other: float(line.sensitivity[other][i]) for other in known}
+        fixed = sum((s[other] * known[other]) ** 2 for other in known) + 2.0 * s["R_f"] * s["R_r"] * together
+        random = math.sqrt(max(own**2 + fixed, own**2))
+        u, words = b.of(name)
+        found[name] = estimate(
+            name,
+            value,
+            value * math.hypot(random, u),
+            dof=line.fit.covariance.dof,
+            logarithmic=True,
+            reason=f"random part {100 * random:.2g} %; {words}",
+        )
+    from dataclasses import replace
+
+    circuit = replace(circuit, C_2=line.fit.values["C_2"], L_r=line.fit.values["L_r"])
+    return line, circuit, found

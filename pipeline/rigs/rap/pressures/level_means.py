@@ -1,0 +1,88 @@
+"""Means of pressures and flow over whole strokes, in windows of 10 s within the levels of a run (rap.md, 5.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.rigs.rap.pressures.levels import Level
+from pipeline.rigs.rap.pulsation.harmonics import harmonics
+from pipeline.rigs.rap.pulsation.passages import find_passages
+from pipeline.rigs.rap.pulsation.windows import Windows, cut, joined
+from pipeline.rigs.rap.tables import Signal
+
+LENGTH = 10.0
+_FEWEST = 20
+
+
+@dataclass(frozen=True, eq=False)
+class LevelMeans:
+    """Windows of all steady levels, shape (w,).
+
+    Attributes
+    ----------
+    windows
+        On the clock of the signals.
+    level
+        Number of the level.
+    turning
+        Whether the pump turns.
+    frequency
+        Of the strokes, Hz; NaN where the pump stands.
+    mean
+        By name of the signal, its unit; NaN where it cannot be told.
+    """
+
+    windows: Windows
+    level: np.ndarray
+    turning: np.ndarray
+    frequency: np.ndarray
+    mean: Mapping[str, np.ndarray]
+
+
+def level_means(signals: Mapping[str, Signal], strokes: Signal, levels: Sequence[Level]) -> LevelMeans:
+    """Return the means of signals of one clock.
+
+    Parameters
+    ----------
+    signals
+        By name.
+    strokes
+        The pressure in which the passages are looked for.
+    levels
+        Stretches of the run on the same clock; those that are not steady are left out.
+    """
+    parts, numbers = [], []
+    for i, level in enumerate(levels):
+        if level.steady:
+            length = min(LENGTH, level.end - level.start)
+            parts.append(cut(level.start, level.end, length))
+            numbers += [i] * parts[-1].size
+    windows, number = joined(parts), np.array(numbers, dtype=int)
+    turning = np.array([levels[i].turning for i in number], dtype=bool)
+    frequency = np.full(windows.size, np.nan)
+    if turning.any():
+        passages = find_passages(strokes.time, strokes.values, windows.of(turning))
+        frequency[turning] = passages.frequency
+    mean = {}
+    for name, one in signals.items():
+        values = _plain(one, windows)
+        if turning.any():
+            over = harmonics(one.time, one.values, windows, frequency, (1.0, 2.0, 3.0)).mean
+            values = np.where(turning, over, values)
+        mean[name] = values
+    return LevelMeans(windows, number, turning, frequency, mean)
+
+
+def _plain(signal: Signal, windows: Windows) -> np.ndarray:
+    """Return the mean of the samples of each window, NaN where there are few, shape (w,)."""
+    first, last = np.searchsorted(signal.time, windows.start), np.searchsorted(signal.time, windows.end)
+    sums = np.r_[0.0, np.cumsum(signal.values - signal.values.mean())]
+    count = last - first
+    least = np.minimum(_FEWEST, 0.5 * signal.rate * (windows.end - windows.start))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(
+            count >= np.maximum(least, 1), (sums[last] - sums[first]) / count + signal.values.mean(), np.nan
+        )
