@@ -44,13 +44,15 @@ FLAGS = (
     ("estop_pressed", True, "EMERGENCY_STOP"),
     ("watchdog_ok", False, "WATCHDOG"),
 )
+# The device wrote an alarm and stopped its pumps within this, s; a cause seen for this long before is the reason.
+_REACTION, _GLIMPSE = 2.0, 0.15
 _SYMBOLS = {"access": "r_a", "filter": "r_f", "return": "r_r", "membrane": "r_m"}
 
 
 def causes(log: DeviceLog, found: RatioResult, mismatches: Sequence[Mismatch], limits: AlarmLimits) -> list[Cause]:
     """Return all causes of the run in order of the time at which they are due."""
     everything = [
-        *_of_ratios(found, limits),
+        *_of_ratios(log, found, limits),
         *_out_of_range(found, limits),
         *(cause for flag, wrong, code in FLAGS for cause in _of_flag(log.flags.get(flag), wrong, code, flag)),
         *(_of_mismatch(mismatch) for mismatch in mismatches),
@@ -58,26 +60,44 @@ def causes(log: DeviceLog, found: RatioResult, mismatches: Sequence[Mismatch], l
     return sorted(everything, key=lambda cause: cause.due)
 
 
-def _of_ratios(found: RatioResult, limits: AlarmLimits) -> list[Cause]:
+def _of_ratios(log: DeviceLog, found: RatioResult, limits: AlarmLimits) -> list[Cause]:
     ratios = found.ratios
     if ratios is None:
         return []
     out = []
-    step = float(np.median(np.diff(ratios.time)))
+    time, step = ratios.time, float(np.median(np.diff(ratios.time)))
+    stops = _stopped_by_alarm(log, found)
     for name, above, code in RULES:
         if name not in ratios.values:
             continue
         r = ratios.values[name]
         with np.errstate(invalid="ignore"):
             beyond = r > limits.high if above else r < limits.low
-        for start, end in _lasting(ratios.time, beyond, limits.hold):
-            due = float(ratios.time[np.searchsorted(ratios.time, start + limits.hold - 1e-9)])
-            inside = (ratios.time >= start) & (ratios.time <= end)
-            extreme = float(np.nanmax(r[inside]) if above else np.nanmin(r[inside]))
+        for start, end in (*_lasting(time, beyond, limits.hold), *_cut_short(time, beyond, limits.hold, stops)):
+            due = float(time[int(np.searchsorted(time[:-1], min(start + limits.hold, end) - 1e-9))])
+            inside = r[(time >= start) & (time <= end)]
+            extreme = float(np.nanmax(inside) if above else np.nanmin(inside))
             words = f"{_SYMBOLS[name]} {'up to' if above else 'down to'} {extreme:.2f} of the baseline"
-            error = _crossing_error(ratios.time, r, start, ratios.noise[name], step)
-            out.append(Cause(code, start, due, end if end < ratios.time[-1] else None, words, error))
+            error = _crossing_error(time, r, start, ratios.noise[name], step)
+            out.append(Cause(code, start, due, end if end < time[-1] else None, words, error))
     return out
+
+
+def _stopped_by_alarm(log: DeviceLog, found: RatioResult) -> np.ndarray:
+    """Return the moments at which the pump stopped and the device wrote an alarm, s."""
+    told = np.array([*(e.time for e in log.codes), *(e.time for e in log.states if e.text.upper() == "ALARM")])
+    stops = [end for _, end in found.pump.running] if found.pump is not None else []
+    return np.array([stop for stop in stops if told.size and np.min(np.abs(told - stop)) <= _REACTION])
+
+
+def _cut_short(time: np.ndarray, beyond: np.ndarray, hold: float, stops: np.ndarray) -> list[tuple[float, float]]:
+    """Return the spans of `beyond` that the device itself ended before they had lasted: its means are not ours."""
+    if stops.size == 0:
+        return []
+    short = [
+        (a, b) for a, b in _unbroken(time, beyond, float(np.median(np.diff(time)))) if _GLIMPSE <= b - a < hold - 1e-9
+    ]
+    return [(a, b) for a, b in short if np.min(np.abs(stops - b)) <= _GLIMPSE]
 
 
 def _lasting(time: np.ndarray, beyond: np.ndarray, hold: float) -> list[tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""What kind of mismatch it is and when it began: a step, a drift, or a unit that is stuck."""
+"""What kind of mismatch it is and when it began: a step or a drift. A unit that stands still is `frozen`'s."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from pipeline.rigs.rap.alarms.results import Kind, Mismatch
 # What lies this far behind the detection says what kind it is, and so far before it the onset is looked for, s.
 _BEHIND = 60.0
 _BEFORE = 600.0
-# A unit is stuck where it scatters by less than this share of the other one, or not at all.
-_STUCK = 0.1
 
 
 def described(
@@ -21,8 +19,6 @@ def described(
     end: float | None,
     time: np.ndarray,
     residual: np.ndarray,
-    control: np.ndarray,
-    protective: np.ndarray,
 ) -> Mismatch:
     """Return a mismatch whose detections (by threshold, by cumulative sum) are known.
 
@@ -30,8 +26,8 @@ def described(
     ----------
     within
         Where its onset may lie and where it ends at the latest, s.
-    time, residual, control, protective
-        Stamps, residual without skew, and both units' pressures, shape (n,), s and Pa.
+    time, residual
+        Stamps (s) and residual without skew (Pa), shape (n,).
     """
     by_threshold, by_cusum = detected
     first = min(t for t in detected if t is not None)
@@ -44,9 +40,6 @@ def described(
             tap, index, first, error, first, "step", float(np.max(np.abs(r), initial=0.0)), by_threshold, by_cusum, end
         )
     onset, kind, size = _onset(t, r, first)
-    at_work = (time >= max(onset, first - 1.0)) & (time <= min(within[1], max(onset, first) + 10.0))
-    if at_work.sum() > 10 and _is_stuck(control[at_work], protective[at_work]):
-        kind, size = "stuck", float(np.nanmax(np.abs(residual[at_work])))
     return Mismatch(tap, index, first, error, min(onset, first), kind, size, by_threshold, by_cusum, end)
 
 
@@ -69,8 +62,3 @@ def _onset(t: np.ndarray, r: np.ndarray, first: float) -> tuple[float, Kind, flo
     if gain_ramp[ramp_at] > gain_step[step_at]:
         return float(t[0] + tb[ramp_at]), "drift", float(product[ramp_at] / square[ramp_at])
     return float(t[step_at * every]), "step", float(sr[step_at] / count[step_at])
-
-
-def _is_stuck(control: np.ndarray, protective: np.ndarray) -> bool:
-    scatter = np.sort([float(np.std(control)), float(np.std(protective))])
-    return bool(scatter[0] < _STUCK * scatter[1])

@@ -35,6 +35,7 @@ class PumpRun:
     """The blood pump on the grid: `on` (n,) bool, `flow` (n,) m^3/s (0 while it stands), spans in s.
 
     `flow_source` says where the flow is from, `source` where it is from that the pump runs; '' where nothing tells.
+    `set_changes` are the moments of a new set-point, `written_stops` those of stops that the device wrote itself.
     """
 
     on: np.ndarray
@@ -43,6 +44,7 @@ class PumpRun:
     source: str
     flow_source: str
     set_changes: np.ndarray
+    written_stops: np.ndarray
 
 
 def pump_run(log: DeviceLog, grid: np.ndarray) -> PumpRun:
@@ -57,7 +59,7 @@ def pump_run(log: DeviceLog, grid: np.ndarray) -> PumpRun:
     if running and running[-1][1] >= grid[-1]:
         on[-1] = True
     flow, flow_source, changes = _flow(log, grid, on)
-    return PumpRun(on, np.where(on, flow, 0.0), tuple(running), source, flow_source, changes)
+    return PumpRun(on, np.where(on, flow, 0.0), tuple(running), source, flow_source, changes, written[False])
 
 
 def _on(log: DeviceLog, grid: np.ndarray) -> tuple[np.ndarray, str]:
@@ -67,7 +69,7 @@ def _on(log: DeviceLog, grid: np.ndarray) -> tuple[np.ndarray, str]:
         for s in (log.control.get(tap), log.protective.get(tap))
         if s is not None and s.time.size > 1 and s.rate >= _RATE_NEEDED
     ]
-    relative = np.zeros(grid.size)
+    relative = np.full(grid.size, np.nan)
     seen = False
     for tap in taps:
         deviation = centred_deviation(tap, grid)
@@ -76,7 +78,7 @@ def _on(log: DeviceLog, grid: np.ndarray) -> tuple[np.ndarray, str]:
             seen = True
             relative = np.fmax(relative, deviation / usual)
     if seen:
-        return relative > _SHARE, "pulsation of the pressures"
+        return _carried(relative, grid) > _SHARE, "pulsation of the pressures"
     if log.pump_speed is not None:
         return held(log.pump_speed, grid) > 0.05, "speed of the pump"
     if log.flow_device is not None and np.ptp(log.flow_device.values) > 0.0:
@@ -92,6 +94,15 @@ def _on(log: DeviceLog, grid: np.ndarray) -> tuple[np.ndarray, str]:
     if log.flow_set is not None and not taps:
         return held(log.flow_set, grid) > 0.0, "blood flow as set"
     return np.zeros(grid.size, bool), "" if not taps else "pulsation of the pressures"
+
+
+def _carried(values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Return `values` with those beside a gap, which are not known, as they were last."""
+    known = np.flatnonzero(np.isfinite(values))
+    if known.size == 0:
+        return np.zeros(grid.size)
+    place = np.searchsorted(known, np.arange(grid.size), side="right") - 1
+    return np.asarray(values[known[np.maximum(place, 0)]])
 
 
 def _written(log: DeviceLog) -> dict[bool, np.ndarray]:
@@ -121,9 +132,9 @@ def _flow(log: DeviceLog, grid: np.ndarray, on: np.ndarray) -> tuple[np.ndarray,
     if log.flow_set is not None and (log.flow_set.values > 0.0).any():
         flow = held(log.flow_set, grid)
         usual = float(np.median(flow[flow > 0.0])) if (flow > 0.0).any() else 1.0
-        # A set-point that stands at 0 while pressures pulsate is no flow that a ratio can stand on.
-        flow = np.where(on & (flow <= 0.0), np.nan, flow)
-        return flow, "blood flow as set", _changes(log.flow_set, 0.03 * usual)
+        # A set-point of 0 while pressures pulsate is no flow that a ratio can stand on.
+        if np.mean(flow[on] > 0.0) > 0.5 or log.flow_device is None:
+            return np.where(on & (flow <= 0.0), np.nan, flow), "blood flow as set", _changes(log.flow_set, 0.03 * usual)
     if log.flow_device is not None and (log.flow_device.values > 0.0).any():
         width = max(1.0, 1.5 / log.flow_device.rate)
         flow = trailing_mean(log.flow_device, grid, width)

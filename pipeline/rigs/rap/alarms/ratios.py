@@ -13,18 +13,23 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.alarms.limits import AlarmLimits
 from pipeline.rigs.rap.alarms.pump import PumpRun, pump_run
 from pipeline.rigs.rap.alarms.results import RATIOS, DeviceLog, Ratios
-from pipeline.rigs.rap.alarms.spans import since
+from pipeline.rigs.rap.alarms.spans import since, spans
+from pipeline.rigs.rap.alarms.strokes import averaging
 from pipeline.rigs.rap.alarms.windows import held, trailing_mean
 from pipeline.rigs.rap.conditions import TAP_NAMES, TAPS
 
 # The baseline is what the first minutes of running say, s.
 _FIRST = 300.0
+# A change of the set-point may be logged this long after the pump has followed it, s.
+_LOGGED_AFTER = 1.0
 # After the pump stops, pressures level out; a standstill is read this long after, s.
 _SETTLED = 8.0
 # After a start or a change of the ultrafiltration the transmembrane pressure levels out, s.
 _UF_SETTLED = 10.0
 # P_uf moving by more than this share of the usual TMP a second says that the membrane is not in balance.
 _UF_MOVING = 0.1
+# Where every line's resistance is below this share of its baseline, the flow is less than set.
+_ALL_LOW = 0.75
 # Ratios that scatter more than this are no ground for an alarm.
 _NOISE_MOST = 0.15
 _MEANT = {"access": "access line", "filter": "filter", "return": "return line", "membrane": "membrane"}
@@ -51,7 +56,8 @@ def pressure_ratios(log: DeviceLog, limits: AlarmLimits) -> RatioResult:
     pump = pump_run(log, grid)
     signals = {tap: log.control.get(tap) or log.protective.get(tap) for tap in TAPS}
     uf, uf_changes, uf_known = _ultrafiltration(log, grid, pump)
-    means = {tap: trailing_mean(s, grid) for tap, s in signals.items() if s is not None}
+    width = averaging(signals["prefilter"] or signals["return"] or signals["access"], grid, pump)
+    means = {tap: trailing_mean(s, grid, width) for tap, s in signals.items() if s is not None}
     problems: list[QualityFinding] = []
     if not pump.on.any():
         return RatioResult(None, pump, grid, means, (), "the blood pump never runs in this log")
@@ -59,7 +65,10 @@ def pressure_ratios(log: DeviceLog, limits: AlarmLimits) -> RatioResult:
     zeroed = {tap: mean - zero[tap] for tap, mean in means.items()}
     raw = _resistances(zeroed, pump.flow, uf, uf_known)
     starts = np.array([start for start, _ in pump.running])
+    # A set-point logged once a second stands in the log after the pump has followed it.
+    coming = -since(-grid[::-1], -pump.set_changes[::-1])[::-1]
     settled = pump.on & (since(grid, starts) >= limits.blanking) & (since(grid, pump.set_changes) >= limits.blanking)
+    settled &= np.abs(coming) > _LOGGED_AFTER
     uf_starts = np.sort(np.concatenate([starts, uf_changes]))
     balanced = settled & (uf > 0.0) & (since(grid, uf_starts) >= max(_UF_SETTLED, limits.blanking))
     values: dict[str, np.ndarray] = {}
@@ -92,12 +101,35 @@ def pressure_ratios(log: DeviceLog, limits: AlarmLimits) -> RatioResult:
         if name == "membrane":
             ratio = np.where(_in_balance(grid, zeroed, ratio), ratio, np.nan)
         values[name], baseline[name], noise[name] = ratio, (1.0 / base if name == "membrane" else base), scatter
+    _leave_out_slow_pump(grid, values, log.run, problems)
     if not pump.flow_source:
         problems.append(_told(log.run, "no blood flow is logged (blood_flow_set, blood_flow_rap or blood_pump_speed): it is taken as constant, and a change of the set-point looks like an occlusion"))  # fmt: skip
     ratios = Ratios(grid, values, baseline, noise, zero, pump.on, pump.flow, uf)
     return RatioResult(
         ratios, pump, grid, means, tuple(problems), "" if values else "no ratio of pressures can be formed"
     )
+
+
+def _leave_out_slow_pump(
+    grid: np.ndarray, values: dict[str, np.ndarray], run: str, problems: list[QualityFinding]
+) -> None:
+    """Take out of `values` where all lines fall together: the pump makes less than its set-point, nothing is disconnected."""
+    lines = [values[name] for name in ("access", "filter", "return") if name in values]
+    if len(lines) < 2:
+        return
+    with np.errstate(invalid="ignore"):
+        together = np.all([line < _ALL_LOW for line in lines], axis=0)
+    for name in values:
+        values[name] = np.where(together, np.nan, values[name])
+    for start, end in spans(grid, together):
+        if end - start > 5.0:
+            message = (
+                "all resistances fall together: the blood pump makes less than its set-point (slip, stall, or a set-point that "
+                "was not followed). No disconnection is read from that."
+            )
+            problems.append(
+                QualityFinding("warning", f"From {start:.0f} to {end:.0f} s {message}", run, None, (start, end))
+            )
 
 
 def _told(run: str, message: str) -> QualityFinding:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,13 +13,19 @@ from pipeline.rigs.rap.alarms.pump import PumpRun
 from pipeline.rigs.rap.alarms.results import Alarm, DeviceLog, StateSpan
 from pipeline.rigs.rap.alarms.transitions import EVENT_OF_STATE, STATES, WITH_PUMPS, target
 
+# An alarm stops the pump within this, s; a stop at another time was a pause.
+_STOPS_WITHIN = 3.0
 # Order of what happens at the same moment.
 _STATE, _CAUSE, _GONE, _PUMP, _END = range(5)
 
 
 @dataclass
 class _Machine:
-    """State, causes at work and the standstill while the events go by."""
+    """State, causes at work and the standstill while the events go by.
+
+    `waiting` are causes that were there before any pump ran: they are alarms from the start of it. `by_alarm` says that
+    an alarm stopped the pump, other than the emergency button: the device has told somebody already.
+    """
 
     limits: AlarmLimits
     moments: np.ndarray
@@ -29,7 +35,9 @@ class _Machine:
     running: bool = False
     stopped: float | None = None
     told_stagnation: bool = False
+    by_alarm: bool = False
     active: set[Cause] = field(default_factory=set)
+    waiting: set[Cause] = field(default_factory=set)
     states: list[StateSpan] = field(default_factory=list)
     raised: list[Cause] = field(default_factory=list)
 
@@ -56,8 +64,7 @@ class _Machine:
             self.event(seen, "blood stood too long", words)
 
     def _counts(self) -> bool:
-        emergency = any(cause.code == "EMERGENCY_STOP" for cause in self.active)
-        return self.state == "PAUSE" or (self.state == "ALARM" and emergency)
+        return self.state in ("PAUSE", "ALARM") and not self.by_alarm
 
 
 def rederive(
@@ -132,21 +139,30 @@ def _pump(machine: _Machine, time: float, starts: bool) -> None:
         if not machine.active:
             machine.event(time, "cause gone, pump runs")
         machine.event(time, "pump starts")
+        for cause in sorted(machine.waiting, key=lambda cause: cause.due):
+            _raise(machine, time, cause)
+        machine.waiting.clear()
     else:
         machine.stopped = time if machine.state in WITH_PUMPS else None
+        reasons = [c.code for c in machine.raised if time - _STOPS_WITHIN <= c.due <= time + _STOPS_WITHIN]
+        machine.by_alarm = bool(reasons) and "EMERGENCY_STOP" not in reasons
         machine.event(time, "pump stops")
 
 
 def _raise(machine: _Machine, time: float, cause: Cause) -> None:
     if machine.state not in WITH_PUMPS:
+        machine.waiting.add(cause)
         return
+    if machine.stopped is not None and time - machine.stopped <= _STOPS_WITHIN:
+        machine.by_alarm = cause.code != "EMERGENCY_STOP"
     machine.active.add(cause)
-    machine.raised.append(cause)
+    machine.raised.append(replace(cause, due=max(cause.due, time)))
     machine.event(time, "cause of an alarm", cause.words)
 
 
 def _clear(machine: _Machine, time: float, cause: Cause) -> None:
     machine.active.discard(cause)
+    machine.waiting.discard(cause)
     if not machine.active and machine.running:
         machine.event(time, "cause gone, pump runs")
 

@@ -14,6 +14,7 @@ from pipeline.rigs.rap.alarms.record import device_log
 from pipeline.rigs.rap.alarms.rederive import rederive
 from pipeline.rigs.rap.alarms.redundancy import redundancy
 from pipeline.rigs.rap.alarms.results import AlarmNumbers, Comparison
+from pipeline.rigs.rap.alarms.unit_faults import exchanged_taps
 from pipeline.rigs.rap.conditions import TAPS
 
 
@@ -33,7 +34,11 @@ def alarm_numbers(
     )
     units = tuple(pair for pair in pairs if pair is not None)
     found = pressure_ratios(log, limits)
-    problems: list[QualityFinding] = [*found.problems, *(problem for unit in units for problem in unit.problems)]
+    problems: list[QualityFinding] = [
+        *found.problems,
+        *(problem for unit in units for problem in unit.problems),
+        *exchanged_taps(log),
+    ]
     if found.pump is None:
         nothing = Comparison((), (), log.lists_codes)
         return AlarmNumbers(log, None, (), (), units, nothing, rate(0, 0.0), (), tuple(problems), found.undetermined)

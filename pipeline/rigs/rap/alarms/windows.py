@@ -6,18 +6,18 @@ import numpy as np
 
 from pipeline.rigs.rap.tables import Signal
 
-# A window with less than this share of its samples is a gap.
-_SHARE = 0.6
+# A window with less than this share of its samples is a gap; a centred one is half empty at the ends of a log.
+_SHARE, _SHARE_CENTRED = 0.6, 0.4
 
 
-def trailing_mean(signal: Signal, grid: np.ndarray, width: float = 1.0) -> np.ndarray:
-    """Return the mean over the last `width` seconds at each moment of `grid`; NaN in gaps, shape of `grid`."""
-    return _moments(signal, grid - width, grid, width)[0]
+def trailing_mean(signal: Signal, grid: np.ndarray, width: float | np.ndarray = 1.0) -> np.ndarray:
+    """Return the mean over the last `width` seconds (one for all, or for each moment) at `grid`; NaN in gaps, shape of `grid`."""
+    return _moments(signal, grid - width, grid, width, _SHARE)[0]
 
 
 def centred_deviation(signal: Signal, grid: np.ndarray, width: float = 1.0) -> np.ndarray:
     """Return the standard deviation over `width` seconds about each moment of `grid`; NaN in gaps, shape of `grid`."""
-    return _moments(signal, grid - 0.5 * width, grid + 0.5 * width, width)[1]
+    return _moments(signal, grid - 0.5 * width, grid + 0.5 * width, width, _SHARE_CENTRED)[1]
 
 
 def held(signal: Signal, grid: np.ndarray) -> np.ndarray:
@@ -26,13 +26,15 @@ def held(signal: Signal, grid: np.ndarray) -> np.ndarray:
     return np.asarray(signal.values[np.maximum(place, 0)], float)
 
 
-def _moments(signal: Signal, low: np.ndarray, high: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+def _moments(
+    signal: Signal, low: np.ndarray, high: np.ndarray, width: float | np.ndarray, share: float
+) -> tuple[np.ndarray, np.ndarray]:
     half_step = 0.5 / signal.rate if signal.time.size > 1 else 0.0
     first = np.searchsorted(signal.time, low + half_step * 1e-3, side="right")
     last = np.searchsorted(signal.time, high + half_step * 1e-3, side="right")
     count = last - first
-    expected = max(width * signal.rate, 1.0) if signal.time.size > 1 else 1.0
-    enough = count >= np.maximum(_SHARE * expected, 1.0)
+    expected = np.maximum(width * signal.rate, 1.0) if signal.time.size > 1 else 1.0
+    enough = count >= np.maximum(share * expected, 1.0)
     middle = float(np.median(signal.values))
     x = signal.values - middle
     n = np.where(enough, count, 1)
