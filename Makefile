@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: the matrices are small, and two threads on two busy cores are slower than one.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: reports test lint benchmark coverage-study schema setup clean
+.PHONY: reports test tests lint benchmark coverage-study schema setup clean
 .DEFAULT_GOAL := reports
 
 $(VENV)/ready: requirements.txt pyproject.toml
@@ -29,7 +29,11 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-test: lint
+# The types are checked on one core while the tests begin on both.
+test: setup
+	@$(MAKE) --no-print-directory --jobs 2 lint tests
+
+tests: setup
 	$(BIN)/python -m pytest -n auto
 
 benchmark: setup
