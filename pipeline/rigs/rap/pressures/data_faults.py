@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,11 +20,12 @@ from pipeline.rigs.rap.pressures.zeros import zero_faults
 
 @dataclass(frozen=True)
 class DataFaults:
-    """What was found, why the whole run is refused (empty where it is not), channels left out, the recording without them."""
+    """What was found, why the whole run is refused (empty where it is not), channels left out, those that `lost` samples, the recording without them."""
 
     findings: tuple[QualityFinding, ...]
     refused: tuple[str, ...]
     useless: Mapping[str, str]
+    lost: Collection[str]
     sound: Recording
 
 
@@ -37,11 +38,15 @@ def data_faults(record: Record) -> DataFaults:
     levels = tap_levels(record)
     lost = lost_samples(record)
     usable = [level for level in levels if level.channel not in lost.useless]
-    grave = [*unit_faults(record, usable), *exchange_faults(record, usable)]
+    found = [*unit_faults(record, usable), *exchange_faults(record, usable)]
+    # What is doubted of a channel whose crests are cut or whose samples hang is that, and told there.
+    grave = [finding for finding in found if finding.level == "error" or finding.channel not in lost.spans]
     refused = tuple(finding.message for finding in grave if finding.level == "error")
     zeros = [] if any("unit mix-up" in text for text in refused) else zero_faults(record, usable)
     findings = (*grave, *lost.findings, *zeros, *gap_notes(record))
-    return DataFaults(findings, refused, lost.useless, _without(record.recording, lost.useless, lost.spans))
+    return DataFaults(
+        findings, refused, lost.useless, tuple(lost.spans), _without(record.recording, lost.useless, lost.spans)
+    )
 
 
 def _without(recording: Recording, useless: Mapping[str, str], spans: Mapping[str, Sequence[Span]]) -> Recording:

@@ -30,24 +30,6 @@ class PressuresSettings(Settings):
     offset_tolerance: float = Field(
         MMHG, gt=0, le=5e3, description="the device's offset is good where its whole interval is that close to 0, Pa"
     )
-    noise_ratio: float = Field(
-        6.25,
-        gt=0,
-        le=1e4,
-        description="variance of the device's noise over that of the bench's, for Deming's regression",
-    )
-    bench_time_constant: float = Field(
-        0.005,
-        ge=0,
-        le=1,
-        description="time constant of the bench's pressure sensors where a run states none, s: lag and pole rest on it",
-    )
-    flow_gain_u: float = Field(
-        0.005,
-        ge=0,
-        le=0.5,
-        description="relative standard uncertainty of the flow's gain where a run states none (type B)",
-    )
 
 
 OPERATING = (

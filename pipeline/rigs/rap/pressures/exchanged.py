@@ -15,7 +15,8 @@ _CLEAR, _SIGMAS = 100.0, 4.0
 # Pulsation of the return over the pre-filter tap: above the first they are exchanged, at most the second is usual.
 _REVERSED = 1.0
 # The ultrafiltrate hardly pulsates: its membrane and chamber smooth it (section 3.3).
-_PULSATION_SHARE, _LEAST_PULSATION = 1.3, 60.0
+# One that does not move at all is frozen or at its rail, which is told elsewhere.
+_PULSATION_SHARE, _LEAST_PULSATION, _LEAST_CALM = 1.3, 60.0, 10.0
 
 
 def exchange_faults(record: Record, levels: Sequence[TapLevel]) -> list[QualityFinding]:
@@ -110,7 +111,7 @@ def _ultrafiltrate(record: Record, reader: str, taps: dict[str, TapLevel]) -> li
     others = {tap: taps[tap] for tap in ("access", "prefilter", "return") if tap in taps}
     if uf is None or not others or not uf.pulsation > _LEAST_PULSATION:
         return []
-    calm = [level for level in others.values() if uf.pulsation > _PULSATION_SHARE * level.pulsation]
+    calm = [one for one in others.values() if uf.pulsation > _PULSATION_SHARE * one.pulsation > _LEAST_CALM]
     if not calm:
         return []
     other = min(calm, key=lambda level: level.pulsation)

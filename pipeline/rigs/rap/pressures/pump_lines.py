@@ -20,8 +20,10 @@ _STROKE = (0.3e-6, 1.5e-6)
 _FACTORS = {1.0 / 3.0: "a third", 0.5: "half", 2.0: "twice", 3.0: "three times"}
 _NEAR = 0.15
 _HIGHEST_ORDER = 12
-# A folded line counts from that many standard errors; from the second share of the fundamental on it disturbs.
-_SEEN, _DISTURBS = 8.0, 0.05
+# A folded line counts where the median window shows it by that many standard errors (chance: 1.2; the pump's own lines are in
+# the error); from the second share of the fundamental on it disturbs. It must be told from the pump's and the rotor's lines, Hz.
+_SEEN, _DISTURBS, _OWN, _ROTOR = 2.5, 0.05, 0.25, 0.12
+_FEWEST = 5
 # Slower logs fold the line of a fast pump back, or do not show it at all, Hz.
 _SLOWEST, _SLOW = 4.0, 8.0
 
@@ -150,15 +152,19 @@ def _aliased(record: Record, found: PumpLines) -> list[QualityFinding]:
     """Tell harmonics above half the sampling rate that fold back into the record."""
     passages, one = found.passages, found.signal
     turning = np.flatnonzero(passages.turning)
-    if turning.size < 3:
+    if turning.size < _FEWEST:
         return []
     strongest: tuple[float, int, float, float] | None = None
     for order in range(2, _HIGHEST_ORDER + 1):
         true = order * passages.frequency[turning]
         folded = np.abs(true - np.round(true / one.rate) * one.rate)
-        apart = np.min(np.abs(folded[:, None] - passages.frequency[turning][:, None] * np.arange(1, 8)), axis=1)
-        clear = (true > 0.5 * one.rate) & (folded > 0.3) & (apart > 0.25) & (folded < 0.45 * one.rate)
-        if clear.sum() < 3:
+        strokes = passages.frequency[turning][:, None]
+        apart = np.min(np.abs(folded[:, None] - strokes * np.arange(1, 8)), axis=1)
+        rotor = np.min(np.abs(folded[:, None] - strokes * np.arange(1, 21) / 3.0), axis=1)
+        clear = (
+            (true > 0.5 * one.rate) & (folded > 0.3) & (apart > _OWN) & (rotor > _ROTOR) & (folded < 0.45 * one.rate)
+        )
+        if clear.sum() < _FEWEST:
             continue
         rows = turning[clear]
         line = harmonics(one.time, one.values, passages.windows.of(rows), folded[clear], orders=(1,))

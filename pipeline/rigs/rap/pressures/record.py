@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.recording import Recording
 from pipeline.recording.recording import Condition
 from pipeline.rigs.rap.conditions import TAPS, pressure
-from pipeline.rigs.rap.pressures.spans import Spans, spans_of
+from pipeline.rigs.rap.pressures.spans import Spans, at_rest, spans_of
 from pipeline.rigs.rap.tables import Signal, signal
 
 READERS = ("rap", "bench", "prot")
@@ -63,6 +63,11 @@ def record_of(recording: Recording) -> Record:
         if taps:
             sources[reader] = Source(reader, taps, spans_of(recording, reader, taps))
     uf_set = signal(recording, "uf_flow_set") or signal(recording, "uf_pump_command")
+    for reader in ("bench", "prot", "rap"):
+        if "rap" in sources and reader in sources:
+            sources[reader] = replace(
+                sources[reader], spans=at_rest(sources["rap"].spans, sources[reader].spans, uf_set)[1]
+            )
     return Record(
         recording.run,
         recording,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Hashable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -102,7 +103,7 @@ def _limits(findings: Findings, run: str, limits: pd.DataFrame) -> Blocks:
     ]  # fmt: skip
 
 
-def _value(row: dict[str, float], name: str) -> Value:
+def _value(row: dict[Hashable, Any], name: str) -> Value:
     low, high = float(row[f"{name}_low"]), float(row[f"{name}_high"])
     return Value(float(row[name]), None, (low, high) if np.isfinite([low, high]).all() else None)
 
@@ -148,7 +149,7 @@ def of_gains(findings: Findings) -> Blocks:
     return [*blocks, Table("gains", "Gain, offset and pole of the device", caption, columns, rows)]
 
 
-def _interval(row: dict[str, float], name: str) -> Value:
+def _interval(row: dict[Hashable, Any], name: str) -> Value:
     if not np.isfinite(row[name]):
         return Value(None)
     low, high = float(row[f"{name}_low"]), float(row[f"{name}_high"])

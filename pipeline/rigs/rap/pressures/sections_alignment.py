@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.findings import Findings
-from pipeline.findings.figures import Axis, Band, Column, Figure, Line, Mark, Panel, Points, Rule, Table, Text
+from pipeline.findings.figures import Axis, Band, Cell, Column, Figure, Line, Mark, Panel, Points, Rule, Table, Text
 from pipeline.rigs.rap.conditions import TAP_NAMES
 
 if TYPE_CHECKING:
@@ -151,10 +151,12 @@ def _gains(one: pd.DataFrame, tap: str) -> Panel:
 
 
 def by_run(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """Return the rows of each run."""
     return [(str(run), rows) for run, rows in table.groupby("run", sort=False)] if len(table) else []
 
 
 def of_run(findings: Findings, run: str) -> str:
+    """Return what a title says of the run where there is more than one."""
     return f", run {run}" if sum(one.used for one in findings.runs) > 1 else ""
 
 
@@ -164,7 +166,7 @@ def clock_table(findings: Findings) -> Blocks:
     if clock.empty:
         return []
     columns = [Column("run"), Column("lag at mid-run", "s"), Column("rate error, ppm"), Column("lag at the end", "s"), Column("second peak / first"), Column("stamps jitter", "s"), Column("found from")]  # fmt: skip
-    rows = [
+    rows: list[list[Cell]] = [
         [str(r["run"]), float(r["lag"]), round(1e6 * float(r["rate"]), 2), float(r["lag_end"]), round(float(r["margin"]), 3), float(r["jitter"]), str(r["method"])]
         for r in clock.to_dict("records")
     ]  # fmt: skip

@@ -18,6 +18,8 @@ Span = tuple[float, float]
 
 # Ramps and settling at either end of a span are left out, s; shorter spans are none.
 _MARGIN, _SHORTEST = 3.0, 4.0
+# The ultrafiltrate pressure has settled after that time, s.
+_SETTLES = 1.0
 # Slower logs do not show the pulsation, Hz.
 _SLOWEST = 4.0
 _PULSATING = ("prefilter", "return", "access")
@@ -37,23 +39,51 @@ class Spans:
 
 def spans_of(recording: Recording, reader: str, taps: Mapping[str, Signal]) -> Spans:
     """Return when the pump is on and off by the clock of `reader` (rap, prot, bench), whose pressures are `taps`."""
-    for tap in _PULSATING:
-        one = taps.get(tap)
-        if one is None or not one.rate >= _SLOWEST:
-            continue
-        found = pump(one.time, one.values)
+    pumps = {
+        one.name: pump(one.time, one.values)
+        for tap in _PULSATING
+        if (one := taps.get(tap)) is not None and one.rate >= _SLOWEST
+    }
+    if pumps:
+        # A tap that hangs or is at its rail stands still while the pump runs: the one that shows most of it is believed.
+        name = max(pumps, key=lambda name: sum(s.last - s.first for s in pumps[name].stretches))
+        found = pumps[name]
         if found.stretches:
-            on = [(s.first + (_MARGIN if s.start is not None else 0.0), s.last - (_MARGIN if s.stop is not None else 0.0)) for s in found.stretches]  # fmt: skip
+            on = [
+                (s.first + (_MARGIN if s.start is not None else 0.0), s.last - (_MARGIN if s.stop is not None else 0.0))
+                for s in found.stretches
+            ]
             off = [
                 (a + (_MARGIN if a > found.begin else 0.0), b - (_MARGIN if b < found.end else 0.0))
                 for a, b in found.rests
             ]
-            return Spans(_long(on), _long(off), one.name)
+            return Spans(_long(on), _long(off), name)
     for name in _TELLS[reader]:
         flow = signal(recording, name)
         if flow is not None and flow.values.max() > 0.0:
             return Spans(*_spans(flow.time, flow.values > 0.25 * float(np.quantile(flow.values, 0.95))), name)
     return Spans((), (), "")
+
+
+def at_rest(device: Spans, other: Spans, uf_set: Signal | None) -> tuple[Spans, Spans]:
+    """Return both spans without stops in which ultrafiltration goes on: the pressures are not at rest then.
+
+    Parameters
+    ----------
+    device
+        By the clock of `uf_set`.
+    other
+        By another clock; its stops are told by their number where both see as many.
+    """
+    if uf_set is None or not device.off:
+        return device, other
+    drawn = [bool(np.any(uf_set.values[within(uf_set.time, [(a - _SETTLES, b)])] > 0.0)) for a, b in device.off]
+    rests = [span for span, draws in zip(device.off, drawn, strict=True) if not draws]
+    mine = Spans(device.on, tuple(rests), device.told_by)
+    if len(other.off) != len(device.off):
+        return mine, other
+    kept = [span for span, draws in zip(other.off, drawn, strict=True) if not draws]
+    return mine, Spans(other.on, tuple(kept), other.told_by)
 
 
 def within(time: np.ndarray, spans: Sequence[Span]) -> np.ndarray:

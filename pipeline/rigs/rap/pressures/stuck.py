@@ -41,8 +41,8 @@ def lost_samples(record: Record) -> Lost:
     useless: dict[str, str] = {}
     for source in record.sources.values():
         for one in source.taps.values():
-            frozen = _frozen(one, source)
-            flat = _flat_tops(one, source) if not frozen else ()
+            flat = _flat_tops(one, source)
+            frozen = _frozen(one, source) if not flat else ()
             if not frozen and not flat:
                 continue
             finding, whole = _told(record, one, frozen, flat)
@@ -70,7 +70,9 @@ def _frozen(one: Signal, source: Source) -> tuple[Span, ...]:
     usual = float(np.quantile(short, 0.99)) if short.size else 0.0
     least = _FROZEN_COARSE if resolution(one) > _COARSE else _FROZEN
     # A coarse or slow channel rests often; one that seldom does, and then for long, hangs.
-    long = np.flatnonzero(lasts > max(least, _TIMES * usual, 5.0 / one.rate))
+    # Two equal samples on either side of a gap are no rest.
+    filled = last - first + 1 > 0.5 * lasts * one.rate
+    long = np.flatnonzero(filled & (lasts > max(least, _TIMES * usual, 5.0 / one.rate)))
     on = within(0.5 * (one.time[first[long]] + one.time[last[long]]), source.spans.on)
     whole = lasts[long] > 0.5 * (one.time[-1] - one.time[0])
     spans = tuple((float(one.time[first[i]]), float(one.time[last[i]])) for i in long[on | whole])

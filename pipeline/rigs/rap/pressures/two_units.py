@@ -6,6 +6,7 @@ Only what bears on the pressures' numbers; redundancy with its false alarms is `
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from pipeline.rigs.rap.alarms.skew import skew_of
 from pipeline.rigs.rap.conditions import TAP_NAMES
 from pipeline.rigs.rap.pressures.pump_lines import PumpLines
 from pipeline.rigs.rap.pressures.record import Record
+from pipeline.rigs.rap.pressures.spans import Spans, within
 from pipeline.rigs.rap.tables import Signal
 
 # Skews below that (s) do not matter; means of that length (s) that differ by more than that (Pa) do.
@@ -21,8 +23,14 @@ _LEAST_SKEW = 1e-3
 _MEANS, _PART = 2.0, 150.0
 
 
-def unit_differences(record: Record, pump: PumpLines | None) -> list[QualityFinding]:
-    """Return a note on the skew between both units, and warnings where their readings part."""
+def unit_differences(record: Record, pump: PumpLines | None, lost: Collection[str] = ()) -> list[QualityFinding]:
+    """Return a note on the skew between both units, and warnings where their readings part.
+
+    Parameters
+    ----------
+    lost
+        Channels of which something is frozen or saturated: that they part is told there.
+    """
     control, protective = record.sources.get("rap"), record.sources.get("prot")
     if control is None or protective is None:
         return []
@@ -33,7 +41,8 @@ def unit_differences(record: Record, pump: PumpLines | None) -> list[QualityFind
         if tap in protective.taps and np.array_equal(one.time, protective.taps[tap].time)
     }
     for tap, (one, other) in pairs.items():
-        found += _parted(record, tap, one, other)
+        if not {one.name, other.name} & set(lost):
+            found += _parted(record, control.spans, tap, one, other)
     if pump is not None and pump.source.reader == "rap":
         tap = next((tap for tap, one in control.taps.items() if one.name == pump.signal.name), "")
         if tap in pairs:
@@ -55,7 +64,7 @@ def _skewed(record: Record, pump: PumpLines, one: Signal, other: Signal) -> list
     return [QualityFinding("note", text, record.run, other.name)]
 
 
-def _parted(record: Record, tap: str, one: Signal, other: Signal) -> list[QualityFinding]:
+def _parted(record: Record, spans: Spans, tap: str, one: Signal, other: Signal) -> list[QualityFinding]:
     size = max(round(_MEANS * one.rate), 1)
     count = one.values.size // size
     if count < 3:
@@ -63,7 +72,10 @@ def _parted(record: Record, tap: str, one: Signal, other: Signal) -> list[Qualit
     difference = (other.values - one.values)[: count * size].reshape(count, size).mean(axis=1)
     away = difference - float(np.median(difference))
     parted = np.flatnonzero(np.abs(away) > _PART)
-    always = abs(float(np.median(difference))) > _PART
+    resting = within(one.time, spans.off)
+    zero = float(np.mean(other.values[resting]) - np.mean(one.values[resting])) if resting.any() else 0.0
+    # Zeros that differ are told as zeros.
+    always = abs(float(np.median(difference))) > _PART and abs(float(np.median(difference)) - zero) > 0.5 * _PART
     if parted.size < 2 and not always:
         return []
     worst = float(np.median(difference)) if always else float(difference[parted[np.argmax(np.abs(away[parted]))]])

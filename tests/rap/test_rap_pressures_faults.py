@@ -1,0 +1,246 @@
+"""Faults of pressure logs are named, doubted or refused in plain words, and none ends in numbers that look good (rap.md, 8)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pressure_logs import MMHG, SHORT, changed, edited, exchanged, found, pressures, told, usual, without
+
+from pipeline.errors import InputError
+from pipeline.findings import Findings
+from pipeline.recording import Recording
+from pipeline.rigs.rap.pressures.check import check
+
+READERS = ("rap", "bench", "prot")
+TAPS = ("access", "prefilter", "return", "uf")
+
+
+def messages(findings: Findings) -> str:
+    return "\n".join(f"{q.level}: {q.message}" for q in findings.quality)
+
+
+def refusal(recording: Recording) -> str:
+    with pytest.raises(InputError) as refused:
+        found(recording)
+    assert any(q.level == "error" for q in check(recording))
+    return str(refused.value)
+
+
+@pytest.mark.parametrize("reader", ["rap", "bench"])
+def test_exchanged_prefilter_and_return_are_refused(reader: str) -> None:
+    spoilt = exchanged(usual(), f"pressure_prefilter_{reader}", f"pressure_return_{reader}")
+    assert "pre-filter and return exchanged?" in refusal(spoilt)
+
+
+def test_exchanged_prefilter_and_return_of_both_readers_are_refused() -> None:
+    spoilt = usual()
+    for reader in READERS:
+        spoilt = exchanged(spoilt, f"pressure_prefilter_{reader}", f"pressure_return_{reader}")
+    assert "pre-filter and return exchanged?" in refusal(spoilt)
+
+
+@pytest.mark.parametrize("other", ["prefilter", "uf"])
+def test_access_exchanged_with_another_tap_is_refused(other: str) -> None:
+    text = refusal(exchanged(usual(), "pressure_access_rap", f"pressure_{other}_rap"))
+    assert "exchanged?" in text
+    assert "access" in text
+
+
+@pytest.mark.parametrize("reader", ["rap", "bench"])
+def test_turned_sign_of_access_is_refused_with_what_to_write(reader: str) -> None:
+    text = refusal(changed(usual(), **{f"pressure_access_{reader}": lambda p: -p}))
+    assert "access must be negative" in text
+    assert "sign: -1" in text
+
+
+def test_turned_sign_of_return_is_refused() -> None:
+    assert "return pressure must be positive" in refusal(changed(usual(), pressure_return_rap=lambda p: -p))
+
+
+@pytest.mark.parametrize(("unit", "size"), [("mmHg", MMHG), ("kPa", 1e3), ("psi", 6894.76)], ids=["mmHg", "kPa", "psi"])
+def test_another_unit_labelled_pascal_is_refused_by_name(unit: str, size: float) -> None:
+    device = {f"pressure_{tap}_{reader}": lambda p: p / size for tap in TAPS for reader in ("rap", "prot")}
+    text = refusal(changed(usual(), **device))
+    assert f"unit mix-up, factor {size:.4g}" in text
+    assert f"'unit: {unit}'" in text
+
+
+def test_another_unit_on_device_and_bench_alike_is_refused() -> None:
+    all_ = {f"pressure_{tap}_{reader}": lambda p: p / MMHG for tap in TAPS for reader in READERS}
+    assert "unit: mmHg" in refusal(changed(usual(), **all_))
+
+
+@pytest.mark.parametrize("tap", TAPS)
+def test_another_unit_of_one_tap_is_refused(tap: str) -> None:
+    assert "unit mix-up, factor 133.3" in refusal(changed(usual(), **{f"pressure_{tap}_bench": lambda p: p / MMHG}))
+
+
+def test_pascals_converted_as_if_they_were_mmhg_are_refused() -> None:
+    assert "unit mix-up, factor 1/133.3" in refusal(changed(usual(), pressure_prefilter_rap=lambda p: p * MMHG))
+
+
+def test_blood_flow_in_millilitres_a_minute_is_refused() -> None:
+    text = refusal(changed(usual(), blood_flow_set=lambda q: q * 6e7))
+    assert "blood_flow_set" in text
+    assert "mL/min" in text
+
+
+def test_log_in_which_everything_is_wrong_names_it_all() -> None:
+    spoilt = exchanged(usual(), "pressure_prefilter_rap", "pressure_return_rap")
+    device = {f"pressure_{tap}_{reader}": lambda p: p / MMHG for tap in TAPS for reader in ("rap", "prot")}
+    spoilt = changed(spoilt, **device)
+    spoilt = changed(spoilt, pressure_uf_rap=lambda p: np.full_like(p, p[5]))
+
+    def dropout(
+        stream: str, time: np.ndarray, columns: dict[str, np.ndarray]
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        kept = (time < 100.0) | (time > 102.0) if stream == "device" else np.ones(time.size, dtype=bool)
+        return time[kept], {k: v[kept] for k, v in columns.items()}
+
+    spoilt = edited(spoilt, dropout)
+    assert "exchanged?" in refusal(spoilt)
+    words = "\n".join(q.message for q in check(spoilt))
+    for part in (
+        "unit mix-up",
+        "pre-filter and return exchanged?",
+        "channel frozen: pressure_uf_rap",
+        "gap of 4",
+    ):
+        assert part in words
+
+
+def test_frozen_tap_is_left_out_and_the_others_stand() -> None:
+    findings = found(changed(usual(), pressure_uf_rap=lambda p: np.full_like(p, p[5])))
+    assert findings.verdict == "warning"
+    assert "channel frozen: pressure_uf_rap" in messages(findings)
+    assert "pressure_uf_prot goes on" in messages(findings)
+    assert findings.one("gain", channel="uf").value is None
+    assert "frozen" in findings.one("gain", channel="uf").description
+    assert findings.one("gain", channel="prefilter").value == pytest.approx(1.015, abs=0.003)
+
+
+def test_samples_of_a_channel_that_hangs_for_a_while_are_not_used() -> None:
+    def hang(p: np.ndarray) -> np.ndarray:
+        p[2400:2700] = p[2400]
+        return p
+
+    findings = found(changed(usual(), pressure_return_rap=hang))
+    assert "these samples are not used" in messages(findings)
+    assert findings.one("gain", channel="return").value == pytest.approx(0.990, abs=0.004)
+
+
+def test_saturated_crests_are_told() -> None:
+    findings = found(changed(usual(), pressure_prefilter_rap=lambda p: np.minimum(p, 4500.0)))
+    assert "channel saturated" in messages(findings)
+    assert findings.verdict == "warning"
+
+
+def test_zero_not_taken_is_told_as_a_head() -> None:
+    findings = found(changed(usual(), pressure_access_rap=lambda p: p + 460.0))
+    assert "zero not taken: pressure_access_rap" in messages(findings)
+    assert "head = 4.1 cm" in messages(findings)
+    assert findings.verdict == "warning"
+
+
+def test_reading_at_rest_that_a_stated_height_explains_is_a_note() -> None:
+    lifted = changed(usual(), **{f"pressure_prefilter_{reader}": lambda p: p - 985.0 for reader in READERS})
+    findings = found(told(lifted, {"sensor_height_prefilter": 0.10}))
+    told_of = [q for q in findings.quality if "height over the reservoir" in q.message]
+    assert {q.level for q in told_of} == {"note"}
+    assert "zero not taken" not in messages(findings)
+
+
+def test_two_speeds_of_the_pump_lines_are_one_stroke() -> None:
+    assert "rotor rate" not in messages(found(usual()))
+
+
+def test_log_too_slow_for_the_pump_is_told_as_aliasing() -> None:
+    def thinned(
+        stream: str, time: np.ndarray, columns: dict[str, np.ndarray]
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        step = 4 if stream in ("device", "bench") else 1
+        return time[::step], {k: v[::step] for k, v in columns.items()}
+
+    findings = found(edited(usual(), thinned))
+    assert "aliasing" in messages(findings)
+    assert findings.verdict != "ok"
+
+
+def test_repeated_rows_are_told() -> None:
+    def held(stream: str, time: np.ndarray, columns: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        if stream == "device":
+            for values in columns.values():
+                values[600:4800:60] = values[599:4799:60]
+        return time, columns
+
+    assert "duplicated samples" in messages(found(edited(usual(), held)))
+
+
+def test_skew_between_the_control_units_is_a_note_with_its_size() -> None:
+    skews = [q for q in found(usual()).quality if "skew" in q.message]
+    assert len(skews) == 1
+    assert skews[0].level == "note"
+    assert "skew +9.9 ms" in skews[0].message
+
+
+def test_control_units_that_part_are_told() -> None:
+    def step(p: np.ndarray) -> np.ndarray:
+        p[2000:3000] += 400.0
+        return p
+
+    assert "the two control units part" in messages(found(changed(usual(), pressure_access_prot=step)))
+
+
+def test_air_at_a_transducer_that_comes_in_the_run_is_told_with_its_moment() -> None:
+    def soft(p: np.ndarray) -> np.ndarray:
+        late, share = p.copy(), 1.0 - np.exp(-0.05 / 0.045)
+        for k in range(1, p.size):
+            late[k] = late[k - 1] + share * (p[k] - late[k - 1])
+        return np.where(np.arange(p.size) > 2600, late, p)
+
+    findings = found(changed(usual(), pressure_prefilter_rap=soft))
+    assert "compliance changed; E2 invalid" in messages(findings)
+    assert findings.verdict == "warning"
+
+
+def test_one_speed_without_start_or_stop_leaves_the_lag_ambiguous() -> None:
+    def middle(
+        _stream: str, time: np.ndarray, columns: dict[str, np.ndarray]
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        kept = (time > 40.0) & (time < 110.0)
+        return time[kept], {k: v[kept] for k, v in columns.items()}
+
+    findings = found(edited(pressures(**SHORT, uf_flow=0.0), middle))
+    assert findings.one("lag").value is None
+    assert "include a pump start" in findings.one("lag").description
+    assert findings.verdict == "warning"
+
+
+def test_clock_drift_is_told_and_corrected() -> None:
+    findings = found(pressures(**SHORT, device_ppm=-150.0))
+    assert "rate error -1" in messages(findings)
+    rate = findings.one("clock_rate")
+    assert rate.ci95 is not None
+    assert rate.value == pytest.approx(-150e-6, abs=5e-6)
+
+
+def test_run_without_bench_gives_hydraulics_only() -> None:
+    bench = [name for name in (c.name for c in usual()) if name.startswith("pressure_") and name.endswith("_bench")]
+    findings = found(without(usual(), *bench))
+    assert findings.one("gain", channel="access").value is None
+    assert "no pressure_access_bench" in findings.one("gain", channel="access").description
+    assert findings.one("r_return").value == pytest.approx(1.4e9, rel=0.03)
+
+
+def test_run_without_any_flow_gives_agreement_only() -> None:
+    flows = ("blood_flow_set", "blood_flow_rap", "blood_flow_bench", "blood_pump_speed")
+    findings = found(without(usual(), *flows))
+    assert findings.one("gain", channel="prefilter").value == pytest.approx(1.015, abs=0.003)
+    assert findings.one("r_return").value is None
+    assert "flow" in findings.one("r_return").description
+
+
+def test_run_without_any_pressure_is_refused() -> None:
+    names = [channel.name for channel in usual() if channel.name.startswith("pressure_")]
+    with pytest.raises(InputError, match="no pressure of device or bench"):
+        found(without(usual(), *names))
