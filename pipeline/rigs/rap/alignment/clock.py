@@ -54,7 +54,7 @@ class Clock:
         """Return the standard error (s) of the lag at bench times (s), shape (n,); NaN where unknown."""
         ahead = np.asarray(bench_time, dtype=float) - self.reference
         (ll, lr), (_, rr) = self.covariance
-        return np.sqrt(np.maximum(ll + 2.0 * ahead * lr + ahead**2 * rr, 0.0))
+        return np.asarray(np.sqrt(np.maximum(ll + 2.0 * ahead * lr + ahead**2 * rr, 0.0)))
 
     def moved(self, reference: float) -> Clock:
         """Return the same line told at another bench time (s)."""

@@ -5,7 +5,7 @@ Knows neither recordings nor how the windows were cut; which stroke is which is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,7 +86,9 @@ def rows_of(device: Sequence[Lines], bench: Sequence[Lines], strokes: Strokes, r
     return Rows(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def model_of(rows: Rows, values: dict[str, float], tau_b: float, separate: bool, *, delayed: bool = True) -> np.ndarray:
+def model_of(
+    rows: Rows, values: Mapping[str, float], tau_b: float, separate: bool, *, delayed: bool = True
+) -> np.ndarray:
     """Return eq. (2) at the rows, complex, shape (r,); without the clock's part unless `delayed`."""
     gain = np.array([values.get(f"gain_{p}", 1.0) for p in range(int(rows.pair.max()) + 1)])[rows.pair]
     poles = [values.get(f"pole_{p}" if separate else "pole", 0.0) for p in range(int(rows.pair.max()) + 1)]
@@ -140,11 +142,11 @@ def _fitted(
     ]
     weight = 1.0 / kept.sd
 
-    def residual(values: dict[str, float]) -> np.ndarray:
+    def residual(values: Mapping[str, float]) -> np.ndarray:
         off = (model_of(kept, values, tau_b, separate) - kept.ratio) * weight
         return np.concatenate([off.real, off.imag])
 
-    def jacobian(values: dict[str, float]) -> np.ndarray:
+    def jacobian(values: Mapping[str, float]) -> np.ndarray:
         model = model_of(kept, values, tau_b, separate) * weight
         turn = 1j * kept.omega * model
         columns = [turn] + ([turn * kept.ahead] if with_rate else [])

@@ -140,8 +140,8 @@ def _columns(stack: Stack, angle: np.ndarray, orders: np.ndarray, length: np.nda
     """Return level polynomial, then cos and -sin of each order, shape (w, n, p)."""
     scaled = stack.offset / (0.5 * length[:, None])
     out = np.empty((*angle.shape, _LEVEL + 1 + 2 * orders.size))
-    for power in range(_LEVEL + 1):
-        out[..., power] = scaled**power
+    for degree in range(_LEVEL + 1):
+        out[..., degree] = scaled**degree
     turn = np.exp(1j * angle)
     power = np.ones_like(turn)
     for i in range(orders.size):

@@ -21,6 +21,7 @@ MEAN = 5.0
 """Length of the means, s."""
 # A mean of fewer of its samples is left out; limits from fewer differences or blocks are not told.
 _FILLED, _FEWEST, _FEWEST_BLOCKS = 0.8, 10, 4
+_KINDS = ("bias", "limit_lower", "limit_upper")
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,14 +116,7 @@ def means_of(one: Aligned, levels: Sequence[Level]) -> Means:
     device, bench, time = (
         np.bincount(number[good], values[good], count)[kept] / n[kept] for values in (one.device, one.bench, one.time)
     )
-    return Means(
-        time,
-        device,
-        bench,
-        blocks_of(time, np.ones(time.size, dtype=bool), levels)
-        if time.size > 1
-        else Blocks(np.zeros(time.size, dtype=int), np.zeros(min(time.size, 1), dtype=int)),
-    )
+    return Means(time, device, bench, blocks_of(time, np.ones(time.size, dtype=bool), levels))
 
 
 def _limits(
@@ -135,8 +129,8 @@ def _limits(
     at = {"channel": name}
     if d.size < _FEWEST or blocks.count < _FEWEST_BLOCKS:
         reason = f"{d.size} differences in {blocks.count} blocks of 20 s are too few for limits of agreement"
-        nothing = [undetermined(kind, reason, at) for kind in ("bias", "limit_lower", "limit_upper")]
-        return Limits(*nothing, float("nan"), blocks.count, time[inside], level, d)
+        bias, lower, upper = (undetermined(kind, reason, at) for kind in _KINDS)
+        return Limits(bias, lower, upper, float("nan"), blocks.count, time[inside], level, d)
     spare = np.where(np.isfinite(device - bench), device - bench, 0.0)
     middle = float(d.mean())
     n, first, second = blocks.sums(np.ones(time.size)), blocks.sums(spare - middle), blocks.sums((spare - middle) ** 2)
@@ -144,13 +138,12 @@ def _limits(
     total = weights @ n
     mean = weights @ first / total
     sd = np.sqrt(np.maximum(weights @ second / total - mean**2, 0.0) * total / np.maximum(total - 1.0, 1.0))
-    bias = middle + mean
-    columns = {"bias": bias, "limit_lower": bias - 1.96 * sd, "limit_upper": bias + 1.96 * sd}
-    found = [
+    about = middle + mean
+    bias, lower, upper = (
         estimate(kind, values[0], float(np.hypot(np.std(values[1:], ddof=1), common)), dof=blocks.dof, at=at)
-        for kind, values in columns.items()
-    ]
-    return Limits(*found, float(sd[0]), blocks.count, time[inside], level, d)
+        for kind, values in zip(_KINDS, (about, about - 1.96 * sd, about + 1.96 * sd), strict=True)
+    )
+    return Limits(bias, lower, upper, float(sd[0]), blocks.count, time[inside], level, d)
 
 
 def _trend(name: str, means: Means) -> Trend:

@@ -60,8 +60,11 @@ class Blocks:
 
 def blocks_of(time: np.ndarray, good: np.ndarray, levels: Sequence[Level]) -> Blocks:
     """Cut the good samples (mask, shape (n,)) at `time` (s) into blocks that do not cross the beginning of a level."""
+    if time.size < 2:
+        return Blocks(np.full(time.size, -1), np.zeros(0, dtype=int))
     edges = np.array([level.begin for level in levels if time[0] < level.begin < time[-1]])
-    of, owner = np.full(time.size, -1), []
+    of = np.full(time.size, -1)
+    owner: list[int] = []
     bounds = [time[0], *edges.tolist(), time[-1]]
     for number, (begin, end) in enumerate(pairwise(bounds)):
         inside = np.flatnonzero(good & (time >= begin) & ((time < end) | (end == time[-1])))

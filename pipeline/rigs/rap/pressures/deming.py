@@ -50,7 +50,7 @@ class Deming:
     def band(self, bench: np.ndarray) -> np.ndarray:
         """Return the standard error of the line at pressures `bench` (Pa), shape (n,)."""
         (gg, go), (_, oo) = self.covariance
-        return np.sqrt(np.maximum(gg * bench**2 + 2.0 * go * bench + oo, 0.0))
+        return np.asarray(np.sqrt(np.maximum(gg * bench**2 + 2.0 * go * bench + oo, 0.0)))
 
 
 def deming(one: Aligned, levels: Sequence[Level], bench_gain_u: float | None = None) -> Deming:

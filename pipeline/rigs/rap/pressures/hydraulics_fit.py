@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
+from pipeline.estimation.uncertainty import effective_size
 from pipeline.rigs.rap.circuit.hydraulics import Circuit
 from pipeline.rigs.rap.pressures.agreement import jackknifed
 from pipeline.rigs.rap.pressures.level_means import LevelMeans, level_means
@@ -124,7 +125,7 @@ def fit_hydraulics(readings: Readings, levels: Sequence[Level]) -> Hydraulics:
     signals = dict(taps) | ({"flow": readings.meter} if readings.meter is not None else {})
     strokes = next((taps[tap] for tap in ("prefilter", "return", "access") if tap in taps), next(iter(taps.values())))
     means = level_means(signals, strokes, levels)
-    zero, zero_sd = _zeros(means, readings, levels)
+    zero, zero_sd = _zeros(readings, levels)
     p = {tap: means.mean[tap] - zero.get(tap, 0.0) for tap in taps}
     uf = _uf_flow(means, levels, p)
     flow = _blood_flow(means, readings.location, uf)
@@ -183,7 +184,7 @@ def _told(name: str, slope: _Slope | str, b: _TypeB) -> Estimate:
     )
 
 
-def _zeros(means: LevelMeans, readings: Readings, levels: Sequence[Level]) -> tuple[dict[str, float], dict[str, float]]:
+def _zeros(readings: Readings, levels: Sequence[Level]) -> tuple[dict[str, float], dict[str, float]]:
     """Return by tap what it reads while the pumps stand and the standard error of that, Pa; empty where they never do."""
     zero, sd = {}, {}
     at_rest = [level for level in levels if level.steady and not level.turning and not (level.uf_set or 0.0) > _UF_OFF]
@@ -194,8 +195,6 @@ def _zeros(means: LevelMeans, readings: Readings, levels: Sequence[Level]) -> tu
         if inside.sum() >= 20:
             values = signal.values[inside]
             zero[tap] = float(values.mean())
-            from pipeline.estimation.uncertainty import effective_size
-
             sd[tap] = float(values.std(ddof=1)) / math.sqrt(effective_size(values))
     return (zero, sd) if len(zero) == len(readings.taps) else ({}, {})
 
@@ -215,7 +214,7 @@ def _blood_flow(means: LevelMeans, location: str | None, uf: np.ndarray) -> np.n
         return np.full(means.level.size, np.nan)
     metered = means.mean["flow"]
     if location == "access":
-        return metered
+        return np.asarray(metered)
     if location == "return":
         return np.asarray(metered + uf)
     # Not stated: both places read the same where nothing is drawn off.
@@ -353,10 +352,9 @@ def _return_line(
 ) -> tuple[ReturnLine | None, Circuit | None, dict[str, Estimate]]:
     names = ("c_return", "l_return")
     R_f, R_r, K = slopes["r_filter"], slopes["r_return"], slopes["k_uf"]
-    for slope in (R_f, R_r):
-        if isinstance(slope, str):
-            return None, None, {name: undetermined(name, f"it needs R_f and R_r: {slope}") for name in names}
-    assert isinstance(R_f, _Slope) and isinstance(R_r, _Slope)
+    if isinstance(R_f, str) or isinstance(R_r, str):
+        why = R_f if isinstance(R_f, str) else R_r
+        return None, None, {name: undetermined(name, f"it needs R_f and R_r: {why}") for name in names}
     usual = Circuit()
     k_uf = K.value if isinstance(K, _Slope) else usual.K_uf
     tau = switched.tau if switched is not None else usual.C_u / usual.K_uf
@@ -396,7 +394,5 @@ def _return_line(
             logarithmic=True,
             reason=f"random part {100 * random:.2g} %; {words}",
         )
-    from dataclasses import replace
-
     circuit = replace(circuit, C_2=line.fit.values["C_2"], L_r=line.fit.values["L_r"])
     return line, circuit, found

@@ -6,7 +6,7 @@ Both are read by one clock; the pump's waveform and what lies before the filter 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from pipeline.estimation.uncertainty import clustered
 from pipeline.rigs.rap.alignment.strokes import follow, lines
 from pipeline.rigs.rap.circuit.hydraulics import Circuit, filter_transfer
 from pipeline.rigs.rap.pressures.levels import Level
-from pipeline.rigs.rap.pulsation.windows import cut, joined
+from pipeline.rigs.rap.pulsation.windows import Windows, cut, joined
 from pipeline.rigs.rap.tables import Signal
 
 _WINDOW, _ORDERS = 15.0, 3
@@ -52,7 +52,7 @@ def ratios_of(prefilter: Signal, back: Signal, levels: Sequence[Level], poles: t
     `poles` (s) are those of the two sensors; only their difference counts.
     """
     turning = [level for level in levels if level.steady and level.turning]
-    windows = joined([cut(level.start, level.end, min(_WINDOW, level.end - level.start)) for level in turning])
+    windows = joined([_filled(level) for level in turning])
     if windows.size < _FEWEST_WINDOWS:
         return None
     strokes = follow(prefilter.time, prefilter.values, windows)
@@ -71,6 +71,12 @@ def ratios_of(prefilter: Signal, back: Signal, levels: Sequence[Level], poles: t
     omega = 2.0 * np.pi * frequency
     seen = (1.0 + 1j * omega * poles[0]) / (1.0 + 1j * omega * poles[1])
     return Ratios(frequency, k + 1, window, ratio[good] / seen, sd[good], np.ones(window.size, dtype=bool))
+
+
+def _filled(level: Level) -> Windows:
+    """Return windows of about 15 s that fill a level."""
+    length = level.end - level.start
+    return cut(level.start, level.end, length / max(round(length / _WINDOW), 1))
 
 
 def fit_return_line(ratios: Ratios, circuit: Circuit) -> ReturnLine:
@@ -97,14 +103,10 @@ def fit_return_line(ratios: Ratios, circuit: Circuit) -> ReturnLine:
 
 
 def _changed(circuit: Circuit, name: str, share: float) -> Circuit:
-    from dataclasses import replace
-
     return replace(circuit, **{name: getattr(circuit, name) * (1.0 + share)})
 
 
 def _model(values: Mapping[str, float], circuit: Circuit, ratios: Ratios) -> np.ndarray:
-    from dataclasses import replace
-
     whole = replace(circuit, C_2=values["C_2"], L_r=values["L_r"])
     return np.asarray(filter_transfer(whole, 2j * np.pi * ratios.frequency))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -58,7 +59,7 @@ def uf_steps(blood_side: Signal, uf: Signal, levels: Sequence[Level]) -> UfSteps
         Stretches of the run on that clock.
     """
     pieces = []
-    for before, level in zip(levels[:-1], levels[1:], strict=True):
+    for before, level in pairwise(levels):
         known = before.uf_set is not None and level.uf_set is not None
         if not (before.steady and level.steady and level.turning and before.turning):
             continue
@@ -134,13 +135,13 @@ def _parts(piece: _Piece, values: Mapping[str, float]) -> tuple[np.ndarray, np.n
     alone = (piece.uf - followed(piece.time, piece.blood, values["tau"]))[piece.used]
     since = np.maximum(piece.time[piece.used] - values["at"], 0.0)
     columns = np.stack([np.ones_like(since), 1.0 - np.exp(-since / values["tau"])], axis=-1)
-    return alone, columns @ np.linalg.lstsq(columns, alone, rcond=None)[0]
+    return alone, np.asarray(columns @ np.linalg.lstsq(columns, alone, rcond=None)[0])
 
 
 def _fit_one(piece: _Piece) -> Fit:
     def residual(values: Mapping[str, float]) -> np.ndarray:
         alone, model = _parts(piece, values)
-        return alone - model
+        return np.asarray(alone - model)
 
     # The moment lies on a kink of the model: a scan by quarter seconds comes before the descent.
     moments = piece.begin + np.arange(-_FREE + 0.2, _FREE, 0.25)
