@@ -15,25 +15,28 @@ from pipeline.estimation.uncertainty import Covariance
 from pipeline.rigs.rap.flow import estimators
 from pipeline.rigs.rap.flow.windows import FlowWindows
 
+# Set-points closer than that (share of the frequency) are one speed.
+ONE_SPEED = 0.05
 Columns = Callable[[FlowWindows], np.ndarray]
 
 
 @dataclass(frozen=True)
 class Law:
-    """An estimator: its coefficients' names and what they are multiplied with, shape (w, k)."""
+    """An estimator: its coefficients' names, what they are multiplied with, shape (w, k), and the speeds of the pump that it takes."""
 
     name: str
     names: tuple[str, ...]
     columns: Columns
+    speeds: int = 1
 
 
 LAWS = {
     "E0": Law("E0", ("V",), lambda w: w.f[:, None]),
     "E1": Law("E1", ("V",), lambda w: w.f[:, None]),
-    "E2": Law("E2", ("stroke_volume", "y0", "y1"), lambda w: estimators.pulsation_columns(w.f, w.A_1)),
-    "E2 quadratic": Law("E2 quadratic", ("V_g", "y0", "y1", "y2"), lambda w: estimators.quadratic_columns(w.f, w.A_1)),
+    "E2": Law("E2", ("stroke_volume", "y0", "y1"), lambda w: estimators.pulsation_columns(w.f, w.A_1), 2),
+    "E2 quadratic": Law("E2 quadratic", ("V_g", "y0", "y1", "y2"), lambda w: estimators.quadratic_columns(w.f, w.A_1), 2),
     "E3": Law("E3", ("stroke_volume_mean", "pump_compliance"), lambda w: estimators.pressure_columns(w.f, w.back_pressure)),
-    "affine": Law("affine", ("a", "b"), lambda w: estimators.affine_columns(w.f)),
+    "affine": Law("affine", ("a", "b"), lambda w: estimators.affine_columns(w.f), 2),
 }  # fmt: skip
 
 
@@ -69,6 +72,12 @@ class Calibrated:
     def errors(self, windows: FlowWindows) -> np.ndarray:
         """Return (estimate - meter)/meter, shape (w,)."""
         return np.asarray(self.flow(windows) / windows.flow - 1.0)
+
+
+def speeds_of(windows: FlowWindows) -> int:
+    """Return how many speeds of the pump the windows hold."""
+    f = np.sort(windows.f)
+    return int((np.diff(f) > ONE_SPEED * f[:-1]).sum()) + 1 if f.size else 0
 
 
 def usable(law: Law, windows: FlowWindows) -> FlowWindows:
@@ -115,7 +124,7 @@ def _scatter_of_points(law: Law, windows: FlowWindows, values: np.ndarray, at: n
     matrix = inverse * float(residual @ residual) / dof
     without = np.array([one.values for one in leave_set_points_out(law, windows)])
     spread = np.zeros(values.size)
-    if len(without) > 2 and np.isfinite(without).all():
+    if len(without) > 2:
         spread = without.std(axis=0, ddof=1)
     wider = np.maximum(spread / np.sqrt(np.maximum(np.diag(matrix), 1e-300)), 1.0)
     return Covariance(matrix * np.outer(wider, wider), dof, "operating points and left-out set-points")
@@ -131,12 +140,16 @@ class LeftOut:
 
 
 def leave_set_points_out(law: Law, windows: FlowWindows) -> list[LeftOut]:
-    """Fit without each set-point in turn and predict it; those whose remainder does not determine the law are NaN."""
+    """Fit without each set-point in turn and predict it; those whose remainder does not determine the law are left out."""
     rows = []
     for level in np.unique(windows.set_point):
         inside = windows.set_point == level
-        values = solve(law, windows.of(~inside))
+        rest = windows.of(~inside)
+        values = solve(law, rest)
+        if speeds_of(rest) < law.speeds:
+            values = np.full(values.size, np.nan)
         out = windows.of(inside)
         errors = law.columns(out) @ values / out.flow - 1.0
         rows.append(LeftOut(float(level) / 6e7, float(np.abs(errors).max()), values))
-    return rows if len(rows) > 1 else []
+    known = [one for one in rows if np.isfinite(one.worst)]
+    return known if len(rows) > 1 else []

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.errors import counted
+from pipeline.rigs.rap.flow.calibration import ONE_SPEED, speeds_of
 from pipeline.rigs.rap.flow.windows import FlowWindows
 
-# Set-points closer than that (share of the frequency) are one speed.
-_ONE_SPEED = 0.05
 # The pulsation (E2) or the back pressure (E3) must vary by that share: E2's at a set speed, E3's at all.
 _VARIED = 0.08
 _VOLUME, _ADMITTANCE, _COMPLIANCE = (0.3e-6, 1.5e-6), (0.0, 5e-9), (0.0, 1e-10)
@@ -32,12 +31,6 @@ CLAMP_ADVICE = (
 )
 
 
-def speeds_of(windows: FlowWindows) -> int:
-    """Return how many speeds of the pump the windows hold."""
-    f = np.sort(windows.f)
-    return int((np.diff(f) > _ONE_SPEED * f[:-1]).sum()) + 1 if f.size else 0
-
-
 def at_one_speed(windows: FlowWindows, values: np.ndarray) -> float:
     """Return how much `values` (w,) varies between operating points of one speed, as a share: the second largest of the speeds."""
     points = windows.point
@@ -46,7 +39,7 @@ def at_one_speed(windows: FlowWindows, values: np.ndarray) -> float:
     groups: list[list[float]] = []
     last = -1.0
     for f, value in means:
-        if not groups or f > last * (1.0 + _ONE_SPEED):
+        if not groups or f > last * (1.0 + ONE_SPEED):
             groups.append([])
         groups[-1].append(value)
         last = f

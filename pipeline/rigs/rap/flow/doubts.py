@@ -24,7 +24,7 @@ _WORN_SIGMAS = 4.0
 
 def doubts(found: Campaign, settings: FlowSettings) -> list[QualityFinding]:
     """Return what must be told of the campaign's runs."""
-    rows = _location(found.location)
+    rows = _location(found.location) if any(run.run.meter is not None for run in found.runs) else []
     for run in dict.fromkeys(found.windows.run):
         of_run = found.windows.of(found.windows.run == run)
         apart = _apart(found, of_run, settings)
@@ -62,18 +62,12 @@ def _apart(found: Campaign, of_run: FlowWindows, settings: FlowSettings) -> list
     """Tell a run in which E2 and E3 part, and what else changed with it."""
     if "E2" not in found.laws or "E3" not in found.laws:
         return []
-    ratio = found.laws["E2"].flow(of_run) / found.laws["E3"].flow(of_run) - 1.0
-    points = of_run.point
-    means = {
-        int(p): float(np.nanmean(ratio[points == p]))
-        for p in np.unique(points)
-        if np.isfinite(ratio[points == p]).any()
-    }
-    worst = max(means, key=lambda p: abs(means[p]), default=None)
-    if worst is None or abs(means[worst]) <= settings.disagreement:
+    means, worst_value = _worst_point(found, of_run)
+    if abs(worst_value) <= settings.disagreement:
         return []
+    worst = max(means, key=lambda p: abs(means[p]))
     many = sum(abs(value) > settings.disagreement for value in means.values())
-    level = of_run.of(points == worst)
+    level = of_run.of(of_run.point == worst)
     text = (
         f"E2 and E3 disagree by {100 * means[worst]:+.1f} % (at {level.set_point[0]:g} mL/min), by more than {100 * settings.disagreement:g} % at {many} of "
         f"{len(means)} operating points: {_cause(found, of_run, means[worst])}. E2 is invalid there; refit it or use E3"
@@ -81,8 +75,26 @@ def _apart(found: Campaign, of_run: FlowWindows, settings: FlowSettings) -> list
     return [QualityFinding("warning", text, str(of_run.run[0]), "pressure_prefilter_rap", _span(of_run))]
 
 
+def _worst_point(found: Campaign, windows: FlowWindows) -> tuple[dict[int, float], float]:
+    """Return E2 over E3 less 1 of each operating point, and the largest of them (0 where there is none)."""
+    ratio = found.laws["E2"].flow(windows) / found.laws["E3"].flow(windows) - 1.0
+    points = windows.point
+    means = {
+        int(p): float(np.nanmean(ratio[points == p]))
+        for p in np.unique(points)
+        if np.isfinite(ratio[points == p]).any()
+    }
+    return means, max(means.values(), key=abs, default=0.0)
+
+
 def _cause(found: Campaign, of_run: FlowWindows, apart: float) -> str:
     """Say what changed beside the pulsation, against the calibration."""
+    own = _worst_point(found, found.calibration)[1]
+    if abs(own) > 0.5 * abs(apart):
+        return (
+            f"E2 is as far as {100 * abs(own):.1f} % from E3 on its own calibration, so that its admittance is no straight line over speeds so far apart, or the circuit "
+            "changed between the calibration's settings"
+        )
     flow = found.laws["E3"].flow(of_run)
     reference = found.calibration
     usual = found.laws["E3"].flow(reference)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,7 +38,7 @@ def meter_clock(run: FlowRun) -> MeterClock:
     if not pairs:
         return MeterClock(Clock(0.0, 0.0), UNSURE, "nothing that both clocks see: stamps as logged")
     found = align(pairs, run.number("bench_sensor_time_constant"))
-    told = tuple(p for p in found.problems if p.level != "note")
+    told = tuple(replace(p, level="note") if found.sure else p for p in found.problems if p.level != "note")
     if not found.sure:
         return MeterClock(found.clock, UNSURE, "the lag between the clocks is not sure", told)
     how = "pressures that both log" if pairs[0].alike else "steps of the meter against those of the pressures"

@@ -5,7 +5,7 @@ Channels are judged as for `rap.pressures`; here it is decided which of that con
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +29,8 @@ _USED = (
 _AGREES = 0.01
 _ROTOR = {1.0 / n: f"1/{n}" for n in (2, 3, 4, 6)}
 _NEAR = 0.05
+# With the access line open the pump delivers about what is set: the meter's largest share of it lies in between.
+_LIKE = (0.6, 1.5)
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ def inspected(recording: Recording) -> Inspected:
     """Judge the channels of a run."""
     record = record_of(recording)
     faults = data_faults(record)
-    found = [_weighed(finding) for finding in faults.findings]
+    found = [_weighed(finding, faults.useless) for finding in faults.findings]
     source = record.sources.get("rap")
     lines = pump_lines(record, source) if source is not None else None
     refused = next((f.message for f in found if f.level == "error"), "")
@@ -54,11 +56,15 @@ def inspected(recording: Recording) -> Inspected:
     return Inspected(faults.sound, tuple(found), refused)
 
 
-def _weighed(finding: QualityFinding) -> QualityFinding:
-    """Return a finding on a channel that the flow does not rest on as a note."""
-    if finding.channel is None or finding.channel in _USED or finding.level == "note":
+def _weighed(finding: QualityFinding, useless: Mapping[str, str]) -> QualityFinding:
+    """Return a finding as it bears on the flow: a channel left out costs what rests on it, a zero is taken off, others do not matter."""
+    if finding.level == "note" or finding.channel is None:
         return finding
-    return replace(finding, level="note", message=f"{finding.message} (no matter for the flow)")
+    if finding.channel not in _USED:
+        return replace(finding, level="note", message=f"{finding.message} (no matter for the flow)")
+    if finding.message.startswith("zero not taken"):
+        return replace(finding, level="note", message=f"{finding.message}. Taken off here")
+    return replace(finding, level="warning") if finding.channel in useless else finding
 
 
 def run_faults(numbers: RunNumbers) -> list[QualityFinding]:
@@ -121,10 +127,29 @@ def _meter(numbers: RunNumbers) -> list[QualityFinding]:
     if numbers.meter_zeroed:
         text = f"the flow meter reads {6e7 * zero.value:+.2f} ± {1.96 * 6e7 * zero.error:.2f} mL/min while the pump stands; that is taken off all its readings. Re-zero it"
         found.append(QualityFinding("warning", text, numbers.run.name, METER))
-    if numbers.run.meter is not None and numbers.windows.size and not np.isfinite(numbers.windows.metered).any():
+    if numbers.meter_frozen:
+        text = f"channel frozen: the flow meter stands at one value, without noise, in {numbers.meter_frozen} windows while the pump's speed changes; these are not held against it"
+        found.append(QualityFinding("warning", text, numbers.run.name, METER))
+    elif numbers.run.meter is not None and numbers.windows.size and not np.isfinite(numbers.windows.metered).any():
         text = "the flow meter has no samples in any window of this run, by its clock: it was not logging, or its stamps lie elsewhere"
         found.append(QualityFinding("warning", text, numbers.run.name, METER))
-    return found
+    return [*found, *_unlike_set(numbers)]
+
+
+def _unlike_set(numbers: RunNumbers) -> list[QualityFinding]:
+    """Tell a meter that is far from what is set, where nothing is clamped."""
+    windows = numbers.windows
+    if numbers.run.flow_set is None or not windows.size:
+        return []
+    ratio = windows.metered / np.where(windows.flow_set > 0.0, windows.flow_set, np.nan)
+    ratio = ratio[np.isfinite(ratio)]
+    if not ratio.size or _LIKE[0] < float(ratio.max()) < _LIKE[1]:
+        return []
+    text = (
+        f"the flow meter reads {float(ratio.max()):.3g} times the set-point at most: another unit or scale of blood_flow_bench or blood_flow_set, or the line is shut. "
+        "All volumes go with the meter; look before they are used"
+    )
+    return [QualityFinding("warning", text, numbers.run.name, METER)]
 
 
 def _missing(run: FlowRun) -> list[QualityFinding]:

@@ -40,6 +40,7 @@ class RunNumbers:
     zeros: dict[str, Zero]
     meter_zero: Zero
     meter_zeroed: bool
+    meter_frozen: int
     clock: MeterClock | None
     source: str
     problems: list[QualityFinding] = field(default_factory=list)
@@ -57,6 +58,8 @@ def run_numbers(run: FlowRun, settings: FlowSettings) -> RunNumbers:
     windows, f, f_error = windows.of(known), f[known], f_error[known]
     metered, metered_error = _meter(run, clock, windows)
     meter_zero = _meter_zero(run, clock, rests)
+    frozen = _frozen(metered, metered_error, f)
+    metered = np.where(frozen, np.nan, metered)
     zeroed = meter_zero.known and abs(meter_zero.value) > max(_ZERO_SIGMA * meter_zero.error, _ZERO_LEAST)
     if zeroed:
         metered = metered - meter_zero.value
@@ -91,6 +94,7 @@ def run_numbers(run: FlowRun, settings: FlowSettings) -> RunNumbers:
         own,
         meter_zero,
         zeroed,
+        int(frozen.sum()),
         clock,
         source,
         [replace(p, run=run.name) for p in clock.problems] if clock is not None else [],
@@ -181,6 +185,20 @@ def _meter(run: FlowRun, clock: MeterClock | None, windows: Windows) -> tuple[np
     if run.meter is None or clock is None or not windows.size:
         return np.full(windows.size, np.nan), np.full(windows.size, np.nan)
     return _mean_and_error(run.meter, clock.to_meter(windows.start), clock.to_meter(windows.end))
+
+
+def _frozen(metered: np.ndarray, error: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """Return windows in which the meter stands at one value, without noise, while the pump's speed changes, mask (w,)."""
+    found = np.zeros(f.size, dtype=bool)
+    level = np.nanmax(np.abs(metered), initial=0.0)
+    still = np.flatnonzero(error <= 1e-6 * level)
+    values = np.round(metered[still] / max(level, 1e-300), 6)
+    for value in np.unique(values):
+        same = still[values == value]
+        if np.ptp(f[same]) > _ONE_SPEED * f[same].min():
+            found[same] = True
+    found[:-1] |= found[1:]  # it froze within the window before
+    return found
 
 
 def _meter_zero(run: FlowRun, clock: MeterClock | None, rests: Sequence[tuple[float, float]]) -> Zero:

@@ -36,14 +36,14 @@ def judge(
     _calibrated(said, found)
     _against_the_limit(said, found, settings)
     missing = [p.name for p in parameters if p.name in CORE and p.value is None]
-    if missing and not any("is not calibrated" in reason for reason in said.reasons):
+    if missing and not any("calibrated:" in reason for reason in said.reasons):
         said.warn(f"Not told: {', '.join(missing)}.")
     for run, reason in list(left_out.items())[:_TOLD]:
         said.warn(f"Run {run} is left out: {ended(reason)}")
     if len(left_out) > _TOLD:
         said.warn(f"{counted(len(left_out) - _TOLD, 'more run')} are left out, see the quality findings.")
     grave = list(dict.fromkeys(
-        ended(f"Run {q.run}: {q.message}" if q.run else q.message[0].upper() + q.message[1:])
+        ended(f"Run {q.run}: {q.message}" if q.run else _begun(q.message))
         for q in quality if q.level != "note" and q.run not in left_out
     ))  # fmt: skip
     for sentence in grave[:_TOLD]:
@@ -93,9 +93,12 @@ def _against_the_limit(said: Judgement, found: Campaign, settings: FlowSettings)
     for name, rest in found.left_out.items():
         worst = max((one.worst for one in rest if math.isfinite(one.worst)), default=math.nan)
         if name in ("E2", "E3") and math.isfinite(worst):
-            said.reasons.append(
-                f"Set-points that {name} was not calibrated on are predicted within {100 * worst:.2g} %."
-            )
+            tell = said.reasons.append if worst < settings.error_limit else said.warn
+            tell(f"Set-points that {name} was not calibrated on are predicted within {100 * worst:.2g} %.")
+    if "E2" in found.laws and len(found.left_out["E2"]) < 3:
+        said.warn(
+            "E2 rests on two speeds: no set-point can be left out to see whether its coefficients hold between and beyond them."
+        )
 
 
 def _told(row: ErrorRow) -> str:
@@ -104,17 +107,22 @@ def _told(row: ErrorRow) -> str:
 
 def _next(said: Judgement, found: Campaign) -> None:
     """Say what to measure next."""
+    metered = any(run.run.meter is not None for run in found.runs)
     if found.calibration.size and not (~unclamped(found.calibration)).any():
         said.advise(CLAMP_ADVICE)
     if not any(row.set.startswith(HOLDOUT) for row in found.errors):
         said.advise(
             "Hold out runs at other clamp settings and with another tube, and state the condition set: holdout."
         )
-    if not found.location.stated:
+    if not metered:
+        said.advise(
+            "Put a flow meter into the circuit and log it as blood_flow_bench: only it can calibrate the estimators."
+        )
+    elif not found.location.stated:
         said.advise(
             "State flowmeter_location (access or return) in every run: without it a flow error of 5 to 8 % cannot be told from ultrafiltration."
         )
-    if not found.gain_stated:
+    if metered and not found.gain_stated:
         said.advise(
             f"Weigh the flow into a beaker for ten minutes and state flowmeter_gain_u: the meter's gain goes one to one into every volume, and {100 * found.gain_u:.2g} % "
             "is only assumed."
@@ -125,6 +133,11 @@ def _next(said: Judgement, found: Campaign) -> None:
         )
     if not any(run.run.tube for run in found.runs):
         said.advise("State tube_set_id: another tube has another stroke volume, 2 % of which are 3 % of flow.")
+
+
+def _begun(sentence: str) -> str:
+    """Return a sentence with a capital letter, unless it begins with the name of a channel or condition."""
+    return sentence if "_" in sentence.split()[0] else sentence[0].upper() + sentence[1:]
 
 
 def ended(sentence: str) -> str:

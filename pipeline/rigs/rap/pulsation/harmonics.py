@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.rigs.rap.pulsation.windows import Stack, Windows, stacks
+from pipeline.rigs.rap.pulsation.windows import Stack, Windows, sampling_rate, stacks
 
 # A window that has lost more of its samples than that is left out; so is a line above that share of the sampling rate.
 _LEAST_FILLED = 0.6
@@ -96,7 +96,7 @@ def harmonics(
     )
     if not w or not time.size:
         return found
-    rate = 1.0 / float(np.median(np.diff(time))) if time.size > 1 else 1.0
+    rate = sampling_rate(time) if time.size > 1 else 1.0
     for stack in stacks(time, values, windows):
         _fit_stack(stack, rate, found)
     return found

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.rigs.rap.pulsation.harmonics import Harmonics, design, harmonics, solved
-from pipeline.rigs.rap.pulsation.windows import Stack, Windows, cut, stacks
+from pipeline.rigs.rap.pulsation.windows import Stack, Windows, cut, sampling_rate, stacks
 
 BAND = (0.8, 3.5)
 WINDOW = 10.0
@@ -86,8 +86,8 @@ def find_passages(
         windows = cut(float(time[0]), float(time[-1]), WINDOW) if time.size else Windows(np.empty(0), np.empty(0))
     frequency = np.full(windows.size, np.nan)
     error = np.full(windows.size, np.nan)
-    if windows.size and time.size > 1:
-        rate = 1.0 / float(np.median(np.diff(time)))
+    if windows.size and time.size > 1 and 0.45 * sampling_rate(time) > band[0]:
+        rate = sampling_rate(time)
         for stack in stacks(time, values, windows):
             coarse = _peak(stack, rate, (band[0], min(band[1], 0.45 * rate)))
             _refine(stack, coarse, rate, frequency[stack.rows], error[stack.rows])
@@ -173,7 +173,7 @@ def _without_unsteady(found: Passages) -> Passages:
     turning = found.turning
     if turning.sum() < 3:
         return found
-    ratio = found.harmonics.sigma / found.harmonics.amplitude(1)
+    ratio = found.harmonics.sigma / np.maximum(found.harmonics.amplitude(1), 1e-300)
     usual = float(np.median(ratio[turning]))
     state = found.state.copy()
     state[turning & (ratio > max(3.0 * usual, 0.25))] = UNSTEADY

@@ -8,12 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from pipeline.rigs.rap.pulsation.passages import BAND, Passages, find_passages
-from pipeline.rigs.rap.pulsation.windows import cut
+from pipeline.rigs.rap.pulsation.passages import BAND, TURNING, Passages, find_passages
+from pipeline.rigs.rap.pulsation.windows import cut, sampling_rate
 
 # The scatter about a running mean is taken over one cycle of the slowest pump, s; below this share of the usual it stands.
 _CYCLE = 1.0 / BAND[0]
 _STANDS = 0.25
+# A line that is weaker than that share of the usual is no pulsation of the pump.
+_WEAKEST = 0.03
 # Off and on that last less, s, are not told apart from a slow roller.
 _SHORTEST = 2.5
 # The level of rest is looked at over that time, s; what leaves it by so many standard deviations is motion.
@@ -81,10 +83,20 @@ def pump(time: np.ndarray, values: np.ndarray, probe: Passages | None = None) ->
     turning = probe.harmonics.amplitude(1)[np.isin(probe.state, ("turning", "jump"))]
     if not turning.size:
         return Pump((), begin, end)
-    size = max(round(_CYCLE / float(np.median(np.diff(t)))), 3)
+    size = max(round(_CYCLE * sampling_rate(t)), 3)
     scatter = _scatter(x, size)
     moving = scatter > _STANDS * float(np.median(turning)) / np.sqrt(2.0)
+    _keep_weak(t, moving, probe, float(np.median(turning)))
     return Pump(tuple(_stretches(t, x, moving, size)), begin, end)
+
+
+def _keep_weak(t: np.ndarray, moving: np.ndarray, probe: Passages, usual: float) -> None:
+    """Mark as moving what pulsates weakly but clearly (air at the sensor, a clot): the pump turns there as well."""
+    weak = (probe.state == TURNING) & (probe.harmonics.amplitude(1) > _WEAKEST * usual)
+    for start, end in zip(probe.windows.start[weak], probe.windows.end[weak], strict=True):
+        first, last = np.searchsorted(t, (start, end))
+        if not moving[first:last].any():
+            moving[first:last] = True
 
 
 def _scatter(x: np.ndarray, size: int) -> np.ndarray:

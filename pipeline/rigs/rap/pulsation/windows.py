@@ -48,6 +48,11 @@ def joined(parts: list[Windows]) -> Windows:
     return Windows(np.concatenate([p.start for p in parts]), np.concatenate([p.end for p in parts]))
 
 
+def sampling_rate(time: np.ndarray) -> float:
+    """Return samples a second, from the median step of two or more stamps, Hz."""
+    return 1.0 / float(np.median(np.diff(time)))
+
+
 @dataclass(frozen=True, eq=False)
 class Stack:
     """Samples of some windows: `rows` of the windows, `offset` (s from the centre), `values`, `weight` 1 or 0; shape (w, n)."""
