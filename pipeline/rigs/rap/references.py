@@ -6,13 +6,13 @@ from pipeline.rigs.experiment import Reference
 
 RAP_2019 = Reference(
     "rap2019",
-    "University of Padova and IRRIV Vicenza",
-    "Wearable artificial kidney RAP: design and preliminary tests",
+    "University of Padova (DTG) and IRRIV Vicenza",
+    "article 37 on the design and preliminary test of the wearable ultrafiltration device RAP",
     "Machines",
     2019,
     volume="7",
     pages="37",
-    note="the device and its bench; authors and exact title to be completed from the journal",
+    note="the device and its tests; names of the authors and the exact title stand in the journal",
 )
 BLAND_ALTMAN_1986 = Reference(
     "bland1986",
