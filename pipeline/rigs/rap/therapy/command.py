@@ -76,9 +76,8 @@ def command_of(
         text = f"{chosen.name} is negative in {int((rate < 0.0).sum())} samples; the pump cannot run backwards, 0 is taken there. Check its sign."
         problems.append(QualityFinding("warning", text, channel=chosen.name))
         rate = np.maximum(rate, 0.0)
-    gaps = (
-        np.flatnonzero(np.diff(time) > max(_LONG_GAP, 5.0 * float(np.median(np.diff(time))))) if time.size > 2 else []
-    )
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > max(_LONG_GAP, 5.0 * float(np.median(steps)))) if time.size > 2 else np.zeros(0, int)
     for i in gaps:
         text = f"{chosen.name} has a gap of {time[i + 1] - time[i]:.0f} s; the value before it is held."
         problems.append(QualityFinding("warning", text, channel=chosen.name, span=(float(time[i]), float(time[i + 1]))))

@@ -74,7 +74,7 @@ class Levels:
     @property
     def usable(self) -> np.ndarray:
         """Where there is a level, bool, shape (n,)."""
-        return np.isfinite(self.level)
+        return np.asarray(np.isfinite(self.level))
 
     @property
     def first(self) -> float | None:
@@ -234,9 +234,9 @@ def _attitude(
         text = f"the accelerometer reads {g:.3g} m/s^2 at rest, not 9.81; only its direction is used. Check its unit and calibration."
         problems.append(QualityFinding("warning", text, channel="tank_accel_z"))
     rate = axes[0].rate if base.size > 2 else 1.0
-    around = max(int(round(_AROUND * rate)), 1)
+    around = max(round(_AROUND * rate), 1)
     moved = maximum_filter1d((np.abs(size - g) > _MOVING * g).astype(np.int8), 2 * around + 1) > 0
-    width = max(int(round(rate)), 1)
+    width = max(round(rate), 1)
     calm = uniform_filter1d(a, width, axis=0, mode="nearest") if width > 1 else a
     shaken = uniform_filter1d(a, 2 * around + 1, axis=0, mode="nearest")
     smooth = np.where(moved[:, None], shaken, calm)

@@ -24,10 +24,10 @@ GATE, PATIENCE = 9.0, 60
 LITRE = 1e-3
 NOISE = np.array([(0.05e-3) ** 2, 0.02**2 / 3600.0])
 """Variances that drive V (litre^2/s) and the pump's gain (1/s), as eq. 9 has them."""
-_GAIN_SD = 0.15
-_EMPTY_SD = 5e-3
-# How far from eq. 9 the noise that drives V may be tuned, logarithm of the factor.
-_WANDER = (math.log(1e-3), math.log(1e3))
+GAIN_SD, EMPTY_SD = 0.15, 5e-3
+"""Standard deviations at the start: of the gain, and of the volume in a tank that the key says is empty (litre)."""
+# How well eq. 9's guesses of the noise are believed, standard deviation of the logarithm of the variance.
+_FREE, _HELD = 5.0, 1.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class TankFilter(KalmanFilter):  # type: ignore[misc]
     ) -> None:
         super().__init__(dim_x=2, dim_z=1)
         self.x = np.array([volume, 1.0])
-        self.P = np.diag([volume_sd**2, _GAIN_SD**2])
+        self.P = np.diag([volume_sd**2, GAIN_SD**2])
         self.H = np.array([[LITRE / area, 0.0]])
         self.noise, self.compiled = noise, compiled
 
@@ -111,12 +111,13 @@ class TankFilter(KalmanFilter):  # type: ignore[misc]
 class Segment:
     """A filling of the tank, from `begin` to `end` (s), closed by `cause` (drain, emptied, end of the run).
 
-    Volumes at either end (m^3) with the standard error of their difference; `first_echo` (s), None without any.
+    `known_empty`: a drain key says that it began empty. Volumes at either end (m^3) with the standard error of their difference; `first_echo` (s), None without any.
     """
 
     begin: float
     end: float
     cause: str
+    known_empty: bool
     first_echo: float | None
     volume_begin: float
     volume_end: float
@@ -144,6 +145,8 @@ class TankCourse:
         Level less prediction (m), its standard deviation, and whether it was passed over.
     common_sd
         What the air's temperature leaves uncertain, the same for neighbours, m^3.
+    echo_variance, driving
+        Variance of one level as used, m^6, (m,); variances that drive volume (litre^2/s) and gain (1/s) as used, (2,).
     total, total_sd
         Removed over all segments, m^3.
     """
@@ -162,6 +165,8 @@ class TankCourse:
     innovation_sd: np.ndarray
     gated: np.ndarray
     common_sd: np.ndarray
+    echo_variance: np.ndarray
+    driving: np.ndarray
     segments: tuple[Segment, ...]
     first_echo: float | None
     last_echo: float | None
@@ -211,30 +216,29 @@ def track_volume(
     known = [empty_at_start, *(e.announced for e in emptied)]
     spans = [(a, b, k) for a, b, k in zip(starts, ends, known, strict=True) if b > a]
 
-    def filtered(noise_factor: float, wander_factor: float) -> list[tuple[TankFilter, Course]]:
+    def filtered(noise_factor: float, driving: np.ndarray) -> list[tuple[TankFilter, Course]]:
         out = []
         for a, b, is_empty in spans:
             level = _without_wild_start(levels.level[a:b], asked[a:b], tank.area)
             volume = 0.0 if is_empty else _first_volume(level, tank)
-            sd = _EMPTY_SD if is_empty else tank.capacity / LITRE
-            noise = NOISE * np.array([wander_factor, 1.0])
-            one = TankFilter(volume, sd, tank.area, noise=noise, compiled=compiled)
+            sd = EMPTY_SD if is_empty else tank.capacity / LITRE
+            one = TankFilter(volume, sd, tank.area, noise=driving, compiled=compiled)
             local = steps[a:b].copy()
             local[0] = 0.0
             out.append((one, one.advance(local, asked[a:b], level, levels.variance[a:b] * noise_factor, gate)))
         return out
 
-    factor, wander, courses = 1.0, 1.0, filtered(1.0, 1.0)
+    factor, driving, courses = 1.0, NOISE, filtered(1.0, NOISE)
     told = consistency(*_innovations(courses))
     for _ in range(8):
         if not told.tested or told.band[0] <= told.mean_nis <= told.band[1]:
             break
         factor = max(factor * told.rescale, 0.01)
-        courses = filtered(factor, wander)
+        courses = filtered(factor, driving)
         told = consistency(*_innovations(courses), noise_factor=factor)
     if told.tested and compiled:
-        wander = _likeliest(lambda w: filtered(factor, w), gate)
-        courses = filtered(factor, wander)
+        driving = _likeliest(lambda noise: filtered(factor, noise), gate)
+        courses = filtered(factor, driving)
         told = consistency(*_innovations(courses), noise_factor=factor)
     smooth = [one.smoothed(steps[a:b], asked[a:b], made) for (one, made), (a, b, _) in zip(courses, spans, strict=True)]
     states = np.concatenate([made.states for _, made in courses])
@@ -243,12 +247,13 @@ def track_volume(
     later_P = np.concatenate([P for _, P in smooth])
     widening = told.widening
     common = levels.common_sd * tank.area
-    gated = np.concatenate([made.gated for _, made in courses])
+    # Levels that were too wild even to start from have no innovation.
+    gated = np.concatenate([made.gated | np.isnan(made.innovation) for _, made in courses]) & levels.usable
     used = levels.usable & ~gated
     echoes = np.flatnonzero(used)
     segments = tuple(
-        _segment(time, a, b, later[a:b, 0] * LITRE, later_P[a:b], widening, used[a:b], cause)
-        for (a, b, _), cause in zip(spans, _causes(emptied, len(spans)), strict=True)
+        _segment(time, a, b, later[a:b, 0] * LITRE, later_P[a:b], widening, used[a:b], cause, is_empty)
+        for (a, b, is_empty), cause in zip(spans, _causes(emptied, len(spans)), strict=True)
     )
     final_sd = math.hypot(widening * LITRE * math.sqrt(max(covariances[-1, 0, 0], 0.0)), common[-1])
     total = sum(s.gained for s in segments)
@@ -268,6 +273,8 @@ def track_volume(
         innovation_sd=np.concatenate([made.spread for _, made in courses]),
         gated=gated,
         common_sd=common,
+        echo_variance=levels.variance * factor * tank.area**2,
+        driving=driving,
         segments=segments,
         first_echo=float(time[echoes[0]]) if echoes.size else None,
         last_echo=float(time[echoes[-1]]) if echoes.size else None,
@@ -287,23 +294,30 @@ def _innovations(courses: Sequence[tuple[TankFilter, Course]]) -> tuple[np.ndarr
     return y[known], gated[known]
 
 
-def _likeliest(filtered: Callable[[float], Sequence[tuple[TankFilter, Course]]], gate: float) -> float:
-    """Return the factor on the noise that drives V under which the innovations are likeliest.
+def _likeliest(filtered: Callable[[np.ndarray], Sequence[tuple[TankFilter, Course]]], gate: float) -> np.ndarray:
+    """Return the noise that drives V and s under which the innovations are likeliest.
 
-    Eq. 9's 0.05 mL/s^0.5 is a guess; with one too large the errors of the volume are, too.
+    Eq. 9's 0.05 mL/s^0.5 and 0.02/h^0.5 are guesses; with noise too large the errors are, too. The gain wanders so slowly
+    that a run tells little of it: its guess counts, to a factor of 2 in the standard deviation.
     """
-    from scipy.optimize import minimize_scalar
+    from scipy.optimize import minimize
 
-    def deviance(log_factor: float) -> float:
-        total = 0.0
-        for _, made in filtered(math.exp(log_factor)):
+    def deviance(log_factors: np.ndarray) -> float:
+        total = (float(log_factors[0]) / _FREE) ** 2 + (float(log_factors[1]) / _HELD) ** 2
+        for _, made in filtered(NOISE * np.exp(log_factors)):
             known = np.isfinite(made.innovation)
             spread = made.spread[known]
             total += float((2.0 * np.log(spread) + np.minimum((made.innovation[known] / spread) ** 2, gate)).sum())
         return total
 
-    found = minimize_scalar(deviance, bounds=_WANDER, method="bounded", options={"xatol": 0.1})
-    return math.exp(float(found.x))
+    simplex = np.array([[-1.0, -0.5], [1.5, -0.5], [-1.0, 1.0]])
+    found = minimize(
+        deviance,
+        simplex[0],
+        method="Nelder-Mead",
+        options={"xatol": 0.1, "fatol": 0.05, "initial_simplex": simplex},
+    )
+    return np.asarray(NOISE * np.exp(np.clip(found.x, -10.0, 10.0)))
 
 
 def _without_wild_start(level: np.ndarray, asked: np.ndarray, area: float) -> np.ndarray:
@@ -339,6 +353,7 @@ def _segment(
     widening: float,
     used: np.ndarray,
     cause: str,
+    known_empty: bool,
 ) -> Segment:
     """Return the account of one filling."""
     echoes = np.flatnonzero(used)
@@ -347,6 +362,7 @@ def _segment(
         begin=float(time[a]),
         end=float(time[b - 1]),
         cause=cause,
+        known_empty=known_empty,
         first_echo=float(time[a + echoes[0]]) if echoes.size else None,
         volume_begin=float(volume[0]),
         volume_end=float(volume[-1]),

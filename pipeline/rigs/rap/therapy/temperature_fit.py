@@ -65,7 +65,7 @@ class AirTemperature:
 
     def at(self, time: np.ndarray) -> np.ndarray:
         """Return the temperature (K) at `time` (s), shape (n,); held beyond the ends."""
-        return np.interp(time, self.time, self.values)
+        return np.asarray(np.interp(time, self.time, self.values))
 
 
 def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> TemperatureFit:
@@ -94,8 +94,8 @@ def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> Temperat
         reason = (
             f"{T.size} samples cannot tell three numbers of eq. 7; log the temperature every 10 min from switching on"
         )
-        nothing = [undetermined(name, reason, at) for name in _NAMES]
-        return TemperatureFit(source, *nothing, sensor.time, T, np.full(T.size, np.nan), math.nan, 0, ())
+        T_0, T_inf, tau = (undetermined(name, reason, at) for name in _NAMES)
+        return TemperatureFit(source, T_0, T_inf, tau, sensor.time, T, np.full(T.size, np.nan), math.nan, 0, ())
     span = float(t[-1] - t[0])
     upper = min(max(_TAU[1], 2.0 * span), 86400.0)
     unknowns = [
