@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.rap.conditions import channels
 from pipeline.rigs.rap.tables import Signal, signal
-from pipeline.rigs.rap.therapy.record import ACCELERATIONS
+from pipeline.rigs.rap.therapy.record import ACCELERATIONS, without
 
 # Air in a housing, K; the same in degrees Celsius and Fahrenheit.
 _AIR, _CELSIUS, _FAHRENHEIT = (260.0, 340.0), (-13.0, 67.0), (67.0, 153.0)
@@ -23,10 +23,16 @@ _AIR, _CELSIUS, _FAHRENHEIT = (260.0, 340.0), (-13.0, 67.0), (67.0, 153.0)
 _BLOCK, _LEAST = 600.0, 3
 # A slope that far from what the set-points ask is another unit or geometry and no pump's gain.
 _FACTOR = 1.6
+# Level and scale within that factor of each other mean the same; below minus that share a slope is turned.
+_AGREE, _TURNED = 1.25, 0.3
+_FEW = 10
+_SALINE = 1004.0
 _UNITS = ((1e3, "1000"), (1e-3, "1/1000"), (1e2, "100"), (1e-2, "1/100"), (10.0, "10"), (0.1, "1/10"), (60.0, "60"),
-          (1.0 / 60.0, "1/60"), (0.45359, "0.45 (pounds)"), (2.2046, "2.2 (pounds)"))  # fmt: skip
+          (1.0 / 60.0, "1/60"))  # fmt: skip
 # A share between 0 and 1 above that is given in percent.
 _SHARE = 1.5
+# Less than that of an accelerometer at rest is no gravity in any unit, m/s^2.
+_STILL = 0.3
 
 
 @dataclass(frozen=True)
@@ -44,10 +50,9 @@ class ChannelFault:
 
 def channel_faults(recording: Recording) -> list[ChannelFault]:
     """Return the channels of a run that are not what they are called, the first fault of each."""
-    found = [
-        *_beyond(recording), *_exchanged_rates(recording), *_temperatures(recording), *_gravity(recording),
-        *_level(recording), *_mass(recording), *_battery(recording),
-    ]  # fmt: skip
+    found = [*_beyond(recording), *_exchanged_rates(recording), *_temperatures(recording), *_gravity(recording)]
+    sound = without(recording, {fault.channel: fault.message for fault in found})
+    found += [*_filling(sound), *_battery(sound)]
     first: dict[str, ChannelFault] = {}
     for fault in found:
         first.setdefault(fault.channel, fault)
@@ -61,10 +66,11 @@ def _beyond(recording: Recording) -> Iterator[ChannelFault]:
         if one is None or spec.limit is None:
             continue
         size = float(np.quantile(np.abs(one.values), 0.9))
+        unit = "" if spec.unit == "1" else f" {spec.unit}"
         if size > spec.limit:
             yield ChannelFault(
                 spec.name,
-                f"{spec.name} is mostly about {size:.3g} {spec.unit}, more than the plausible {spec.limit:g} {spec.unit}: declared in "
+                f"{spec.name} is mostly about {size:.3g}{unit}, more than the plausible {spec.limit:g}{unit}: declared in "
                 "another unit than logged. It is not used; give its unit in the recipe.",
             )
 
@@ -107,7 +113,13 @@ def _gravity(recording: Recording) -> Iterator[ChannelFault]:
     """Find a tank whose axis is not the vertical one."""
     found = [signal(recording, name) for name in ACCELERATIONS]
     usual = np.array([np.median(one.values) for one in found if one is not None])
-    if usual.size < len(ACCELERATIONS) or np.abs(usual[:2]).max() <= 0.7 * float(np.linalg.norm(usual)):
+    if usual.size < len(ACCELERATIONS):
+        return
+    if float(np.linalg.norm(usual)) < _STILL:
+        text = "the tank's accelerometer reads nothing, not even gravity: the tilt is not corrected; look at its cable and unit."
+        yield from (ChannelFault(name, text) for name in ACCELERATIONS)
+        return
+    if np.abs(usual[:2]).max() <= 0.7 * float(np.linalg.norm(usual)):
         return
     text = (
         f"gravity lies along {ACCELERATIONS[int(np.argmax(np.abs(usual)))]} and not along tank_accel_z: axes exchanged, or the tank lay "
@@ -116,75 +128,93 @@ def _gravity(recording: Recording) -> Iterator[ChannelFault]:
     yield from (ChannelFault(name, text) for name in ACCELERATIONS)
 
 
-def _level(recording: Recording) -> Iterator[ChannelFault]:
+def _filling(recording: Recording) -> Iterator[ChannelFault]:
+    """Hold level and scale against what is pumped into the tank; where both say the same it is the pump that is off."""
+    level, mass = _level(recording), _mass(recording)
+    if level and mass and level.share and mass.share and 1.0 / _AGREE < level.share / mass.share < _AGREE:
+        return
+    yield from (one for one in (level, mass) if one is not None)
+
+
+@dataclass(frozen=True)
+class _Filling(ChannelFault):
+    """`share` is how fast the tank fills over how fast it should; 0 where that is not what is wrong."""
+
+    share: float = 0.0
+
+
+def _level(recording: Recording) -> _Filling | None:
     """Hold the course of the level against what is pumped into the tank."""
     distance, valid = signal(recording, "uf_level_distance"), signal(recording, "uf_echo_valid")
     if distance is None:
-        return
+        return None
     good = distance.values > 0.0
     if valid is not None and valid.time.size == distance.time.size:
         good &= valid.values > 0.5
     one = Signal(distance.name, distance.time[good], distance.values[good])
-    if one.time.size < 10:
-        return
+    if one.time.size < _FEW:
+        return None
     sensor = recording.conditions.get("level_sensor_z")
     usual = float(np.median(one.values))
     if isinstance(sensor, float) and usual > 1.1 * sensor + 0.02:
-        yield ChannelFault(
+        return _Filling(
             one.name,
             f"uf_level_distance is about {usual:.3g} m although the sensor sits {sensor:.3g} m over the floor: another unit, or the "
             "geometry of another tank. It is not used; mend the unit in the recipe or level_sensor_z.",
         )
-        return
     lx, ly = recording.conditions.get("tank_lx"), recording.conditions.get("tank_ly")
-    if not (isinstance(lx, float) and isinstance(ly, float)):
-        return
-    ratio = _slope_over_asked(recording, one)
-    if ratio is None:
-        return
+    ratio = _slope_over_asked(recording, one) if isinstance(lx, float) and isinstance(ly, float) else None
+    if ratio is None or not isinstance(lx, float) or not isinstance(ly, float):
+        return None
     share = -ratio * lx * ly
-    if share < -0.3:
-        yield ChannelFault(
+    if share < -_TURNED:
+        return _Filling(
             one.name,
             "uf_level_distance grows while ultrafiltrate is pumped into the tank: it seems to be the level over the floor, or its sign is "
             "turned. It is not used; map the distance from the sensor to the liquid.",
         )
-    elif not 1.0 / _FACTOR < share < _FACTOR:
-        yield ChannelFault(
-            one.name,
-            f"the level rises {share:.2g} times as fast as the ultrafiltrate that is asked for fills the tank: {_unit(share)}, tank_lx "
-            "and tank_ly of another tank, or a pump that does not pump. The level is not used.",
-        )
+    if 1.0 / _FACTOR < share < _FACTOR:
+        return None
+    return _Filling(
+        one.name,
+        f"the level rises {share:.2g} times as fast as the ultrafiltrate that is asked for fills the tank: {_unit(share)}, tank_lx "
+        "and tank_ly of another tank, or a pump that does not pump. The level is not used; mend the unit or the conditions.",
+        share=share,
+    )
 
 
-def _mass(recording: Recording) -> Iterator[ChannelFault]:
+def _mass(recording: Recording) -> _Filling | None:
     """Hold the course of the scale against what is pumped."""
     scale = signal(recording, "uf_mass_scale")
-    if scale is None:
-        return
-    ratio = _slope_over_asked(recording, scale)
-    if ratio is None:
-        return
+    ratio = _slope_over_asked(recording, scale) if scale is not None else None
+    if scale is None or ratio is None:
+        return None
     density = recording.conditions.get("fluid_density")
-    share = ratio / (density if isinstance(density, float) else 1004.0)
-    if share < -0.3:
-        text = (
+    share = ratio / (density if isinstance(density, float) else _SALINE)
+    if share < -_TURNED:
+        return _Filling(
+            scale.name,
             "uf_mass_scale falls while ultrafiltrate is removed: its sign is turned, or the reservoir stands on the scale. It is not used; "
-            "set 'sign: -1' in the recipe where that is right."
+            "set 'sign: -1' in the recipe where that is right.",
         )
-    elif not 1.0 / _FACTOR < share < _FACTOR:
-        text = (
-            f"uf_mass_scale grows {share:.3g} times as fast as the ultrafiltration that is set: {_unit(share)}, or it weighs something "
-            "else. It is not used; give its unit in the recipe."
-        )
-    else:
-        return
-    yield ChannelFault(scale.name, text)
+    if 1.0 / _FACTOR < share < _FACTOR:
+        return None
+    return _Filling(
+        scale.name,
+        f"uf_mass_scale grows {share:.3g} times as fast as the ultrafiltration that is set: {_unit_of_mass(share)}, or it weighs something "
+        "else. It is not used; give its unit in the recipe.",
+        share=share,
+    )
 
 
 def _unit(share: float) -> str:
     named = next((word for factor, word in _UNITS if 0.75 < share / factor < 1.35), "")
     return f"a wrong unit (factor {named})" if named else "a wrong unit"
+
+
+def _unit_of_mass(share: float) -> str:
+    pounds = any(0.9 < share / factor < 1.1 for factor in (0.45359, 2.2046))
+    return "pounds and kilograms mixed up" if pounds else _unit(share)
 
 
 def _slope_over_asked(recording: Recording, one: Signal) -> float | None:
@@ -223,10 +253,4 @@ def _battery(recording: Recording) -> Iterator[ChannelFault]:
         yield ChannelFault(
             level.name,
             f"battery_level is about {np.median(level.values):.3g}, more than all: give its unit, percent for choice.",
-        )
-    current = signal(recording, "battery_current")
-    if current is not None and float(np.median(current.values)) < 0.0:
-        yield ChannelFault(
-            current.name,
-            "battery_current is negative: it must be positive while discharging. It is not used; set 'sign: -1' in the recipe.",
         )

@@ -5,20 +5,19 @@ Channels that fail are taken out of the run; faults that the numbers themselves 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.rap.conditions import TAPS, pressure
-from pipeline.rigs.rap.pressures.exchanged import exchange_faults
-from pipeline.rigs.rap.pressures.record import Record as PressureRecord
+from pipeline.rigs.rap.pressures.data_faults import data_faults
 from pipeline.rigs.rap.pressures.record import record_of
-from pipeline.rigs.rap.pressures.tap_levels import TapLevel, tap_levels
-from pipeline.rigs.rap.pressures.units import unit_faults
-from pipeline.rigs.rap.therapy.channel_faults import channel_faults
+from pipeline.rigs.rap.pressures.tap_levels import tap_levels
+from pipeline.rigs.rap.therapy.channel_faults import ChannelFault, channel_faults
 from pipeline.rigs.rap.therapy.record import Record, in_memory, without
 
 # Tables whose lengths differ by one of these factors were logged in another unit of time.
-_TIME_UNITS = {60.0: "minutes", 3600.0: "hours", 1e-3: "milliseconds", 1.0 / 60.0: "minutes taken for seconds twice"}
+_TIME_UNITS = {60.0: "minutes", 3600.0: "hours", 1e-3: "milliseconds"}
 _LONG, _ALIKE = 300.0, 0.1
 # A table that ends that much earlier than the device's is told, s and as a share of the run.
 _EARLY, _EARLY_SHARE = 60.0, 0.02
@@ -29,66 +28,80 @@ _RUNNING = ("THERAPY", "PAUSE", "ALARM")
 def examined(recording: Recording) -> tuple[Record, list[QualityFinding]]:
     """Return a run in memory without the channels that cannot be what they are called, and what was found."""
     loaded = in_memory(recording)
-    faults = channel_faults(loaded)
-    removed = {fault.channel: fault.message for fault in faults if fault.unusable}
-    found = [fault.finding(recording.run) for fault in faults]
+    lengths = table_lengths(loaded)
+    removed = {name: one.message for one in lengths if one.unusable for name in loaded.streams[one.table].channels}
+    faults = channel_faults(without(loaded, removed))
+    removed |= {fault.channel: fault.message for fault in faults if fault.unusable}
+    found = [*(one.finding(recording.run) for one in lengths), *_once(faults, recording.run)]
     view = record_of(without(loaded, removed))
-    levels = tap_levels(view)
-    for finding in _of_pressures(view, levels):
+    pressures = data_faults(view)
+    for finding in pressures.findings:
         found.append(finding)
-        if finding.level == "error" and finding.channel:
+        if finding.level == "error" and finding.channel and finding.channel not in pressures.useless:
             reader = finding.channel.rpartition("_")[2]
             removed |= {name: finding.message for tap in TAPS if (name := pressure(tap, reader)) in loaded}
             removed.setdefault(finding.channel, finding.message)
-    found += _tables(loaded)
     source = view.sources.get("rap")
+    gone = {**pressures.useless, **removed}
+    sound = without(pressures.sound, gone)
     record = Record(
-        without(loaded, removed),
-        {name: reason for name, reason in removed.items() if name in loaded},
+        sound,
+        {name: reason for name, reason in gone.items() if name in loaded},
+        as_logged=without(loaded, removed),
         rests=source.spans.off if source else (),
         runs=source.spans.on if source else (),
-        levels=[level for level in levels if level.channel not in removed],
+        levels=[level for level in tap_levels(view) if level.channel not in gone],
         heads={tap: head for tap in TAPS if (head := view.head(tap)) is not None},
     )
     return record, found
 
 
-def _of_pressures(record: PressureRecord, levels: Sequence[TapLevel]) -> list[QualityFinding]:
-    """Return units, signs and exchanges of the pressures, as `rap.pressures` tells them."""
-    units = unit_faults(record, levels)
-    wrong = {finding.channel for finding in units}
-    kept = [level for level in levels if level.channel not in wrong]
-    return [*units, *exchange_faults(record, kept)]
+def _once(faults: Sequence[ChannelFault], run: str) -> list[QualityFinding]:
+    """Return faults as findings, one of those that several channels share."""
+    first = {fault.message: fault for fault in reversed(faults)}
+    return [fault.finding(run) for fault in faults if first[fault.message] is fault]
 
 
-def _tables(recording: Recording) -> Iterator[QualityFinding]:
-    """Hold the tables of a run against each other: units of time, ends, what the events say of the end."""
+@dataclass(frozen=True)
+class TableFault:
+    """A table whose time cannot be seconds, or that ends early (`span`, s)."""
+
+    table: str
+    message: str
+    unusable: bool
+    span: tuple[float, float] | None = None
+
+    def finding(self, run: str) -> QualityFinding:
+        """Return the fault as a finding on the data."""
+        return QualityFinding("error" if self.unusable else "warning", self.message, run, span=self.span)
+
+
+def table_lengths(recording: Recording) -> list[TableFault]:
+    """Hold the tables of a run against each other: units of time, tables that end early."""
     spans = {name: stream.span for name, stream in recording.streams.items() if stream.size > 1}
     main = max((name for name in spans if name not in _SLOW), key=lambda name: recording.streams[name].size, default="")
     if not main:
-        return
-    begin, end = spans[main]
-    length = end - begin
+        return []
+    end, length = spans[main][1], spans[main][1] - spans[main][0]
+    found = []
     for name, (first, last) in spans.items():
         if name in (main, "events") or length < _LONG or last <= first:
             continue
         ratio = length / (last - first)
         unit = next((word for factor, word in _TIME_UNITS.items() if abs(ratio / factor - 1.0) < _ALIKE), "")
         if unit:
-            yield QualityFinding(
-                "error",
-                f"table '{name}' lasts {last - first:.4g} s and '{main}' {length:.4g} s, a factor of {ratio:.3g}: is its time in {unit}? "
-                "Give the unit of time in the recipe.",
-                recording.run,
+            text = (
+                f"table '{name}' lasts {last - first:.4g} s and '{main}' {length:.4g} s, a factor of {ratio:.3g}: is its time in {unit}? It is "
+                "not used; give the unit of its time in the recipe."
             )
+            found.append(TableFault(name, text, True))
         elif name not in _SLOW and end - last > max(_EARLY, _EARLY_SHARE * length):
-            yield QualityFinding(
-                "warning",
-                f"table '{name}' ends {(end - last) / 60:.1f} min before '{main}': truncated, or its logger stopped. What needs it is told "
-                "up to there.",
-                recording.run,
-                span=(last, end),
+            text = (
+                f"table '{name}' ends {(end - last) / 60:.1f} min before '{main}': truncated, or its logger stopped. What needs it is told up to "
+                "there."
             )
+            found.append(TableFault(name, text, False, (last, end)))
+    return found
 
 
 def cut_short(states: list[tuple[float, str]], end: float) -> str:

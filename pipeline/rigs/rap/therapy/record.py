@@ -36,9 +36,11 @@ class Record:
     Attributes
     ----------
     recording
-        Without the channels in `removed`.
+        Without the channels in `removed` and without frozen samples of the pressures.
     removed
         Channels that cannot be used, with the reason.
+    as_logged
+        With frozen samples, which the comparison of the two units must see.
     rests, runs
         When the blood pump stands and turns by the device's clock, s, margins taken off.
     levels
@@ -49,6 +51,7 @@ class Record:
 
     recording: Recording
     removed: Mapping[str, str] = field(default_factory=dict)
+    as_logged: Recording | None = None
     rests: Sequence[Span] = ()
     runs: Sequence[Span] = ()
     levels: Sequence[TapLevel] = ()

@@ -70,7 +70,7 @@ class RunNumbers:
                 self.alarms is not None
                 and (not self.alarms.undetermined or self.alarms.alarms or self.alarms.redundancy)
             )
-            or (volume is not None and (volume.course or volume.weighed))
+            or (volume is not None and volume.course is not None)
         )
 
 
@@ -83,7 +83,7 @@ def numbers_of(record: Record, settings: TherapySettings) -> RunNumbers:
     if TEMPERATURE in asked:
         _temperature(found)
     if VOLUME in asked:
-        found.volume = volume_of(record)
+        found.volume = volume_of(record, found.set_points.get("uf_flow_set"))
         found.reasons |= {f"volume: {name}": reason for name, reason in found.volume.reasons.items()}
         _noticed(found, found.volume.problems)
     if MEMBRANE in asked:
@@ -109,7 +109,7 @@ def _set_points(record: Record) -> dict[str, float | None]:
 
 def _alarms(found: RunNumbers, settings: TherapySettings) -> None:
     try:
-        alarms = alarm_numbers(found.record.recording, settings.alarms, settings.mismatches)
+        alarms = alarm_numbers(found.record.as_logged or found.record.recording, settings.alarms, settings.mismatches)
     except InputError as error:
         found.reasons[ALARMS] = str(error)
         return

@@ -14,22 +14,19 @@ from pipeline.rigs.rap.tables import entries
 from pipeline.rigs.rap.therapy.command import Command, command_of
 from pipeline.rigs.rap.therapy.drains import Emptying, drain_times, emptied
 from pipeline.rigs.rap.therapy.levels import Levels, level_course, tank_of
+from pipeline.rigs.rap.therapy.outcome.thinning import spans
 from pipeline.rigs.rap.therapy.pump_gain import PumpGain, mean_gain
 from pipeline.rigs.rap.therapy.record import ACCELERATIONS, Record
 from pipeline.rigs.rap.therapy.regulation import Regulation, regulate
+from pipeline.rigs.rap.therapy.scale_record import Weighed, weighed
 from pipeline.rigs.rap.therapy.tank_filter import TankCourse, track_volume
 from pipeline.rigs.rap.therapy.temperature_fit import air_temperature
-from pipeline.rigs.rap.therapy.volume_against_scale import (
-    ScaleLag,
-    VolumeError,
-    Weighed,
-    against_scale,
-    scale_lag,
-    weighed,
-)
+from pipeline.rigs.rap.therapy.volume_against_scale import ScaleLag, VolumeError, against_scale, scale_lag
 
 Result = TypeVar("Result")
 SALINE_DENSITY = 1004.0
+# Stretches without a level from that on are told, s.
+_LONG_BLIND = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +76,8 @@ class _Steps:
         return result
 
 
-def volume_of(record: Record) -> VolumeNumbers:
-    """Return the ultrafiltrate's numbers of a run."""
+def volume_of(record: Record, set_rate: float | None) -> VolumeNumbers:
+    """Return the ultrafiltrate's numbers of a run; `set_rate` is the usual set-point while the pump runs, m^3/s."""
     steps = _Steps()
     command = steps.done(
         "command",
@@ -88,7 +85,7 @@ def volume_of(record: Record) -> VolumeNumbers:
     )
     found = VolumeNumbers(command=command)
     found = _followed(record, found, steps)
-    found = _weighed(record, found, steps)
+    found = _weighed(record, found, set_rate, steps)
     return replace(found, reasons=steps.reasons, problems=tuple(steps.problems))
 
 
@@ -131,12 +128,31 @@ def _followed(record: Record, found: VolumeNumbers, steps: _Steps) -> VolumeNumb
     found = replace(found, emptyings=emptyings, course=course)
     if course is None:
         return found
+    steps.problems += _blind(levels, course)
     gain = steps.done("gain", lambda: mean_gain(course, command))
-    regulation = steps.done("regulation", lambda: regulate(command, record.signal("uf_flow_set"), course))
+    set_point = record.signal("uf_flow_set")
+    regulation = steps.done(
+        "regulation", lambda: regulate(command, set_point, course, device_volume=record.signal("uf_volume_rap"))
+    )
     return replace(found, gain=gain, regulation=regulation)
 
 
-def _weighed(record: Record, found: VolumeNumbers, steps: _Steps) -> VolumeNumbers:
+def _blind(levels: Levels, course: TankCourse) -> list[QualityFinding]:
+    """Tell long stretches without a level after the first one, and what dead reckoning leaves open there."""
+    found: list[QualityFinding] = []
+    if levels.first is None:
+        return found
+    for start, end in spans(levels.time, ~levels.usable & (levels.time > levels.first)):
+        if end - start < _LONG_BLIND:
+            continue
+        inside = (course.time >= start) & (course.time <= end)
+        doubt = 1e6 * float(course.volume_sd[inside].max()) if inside.any() else math.nan
+        text = f"level-blind for {(end - start) / 60:.0f} min, dead reckoning ± {2.0 * doubt:.2g} mL there (2 standard deviations)."
+        found.append(QualityFinding("note", text, channel="uf_level_distance", span=(start, end)))
+    return found
+
+
+def _weighed(record: Record, found: VolumeNumbers, set_rate: float | None, steps: _Steps) -> VolumeNumbers:
     """Hold the filter and the device's own estimate against the scale."""
     scale = record.signal("uf_mass_scale")
     if scale is None:
@@ -163,10 +179,19 @@ def _weighed(record: Record, found: VolumeNumbers, steps: _Steps) -> VolumeNumbe
     if lag is None:
         return found
     gain_u = record.number("scale_gain_u") or 0.0
+    drained = tuple(one.time for one in found.emptyings)
     error = steps.done(
         "error",
         lambda: against_scale(
-            course.time, course.volume, course.volume_sd, by_scale, lag, first_echo=course.first_echo, gain_u=gain_u
+            course.time,
+            course.volume,
+            course.volume_sd,
+            by_scale,
+            lag,
+            first_echo=course.first_echo,
+            gain_u=gain_u,
+            emptied=drained,
+            set_rate=set_rate,
         ),
     )
     own = record.signal("uf_volume_rap")
@@ -175,7 +200,15 @@ def _weighed(record: Record, found: VolumeNumbers, steps: _Steps) -> VolumeNumbe
         device = steps.done(
             "device_error",
             lambda: against_scale(
-                own.time, own.values, None, by_scale, lag, first_echo=course.first_echo, gain_u=gain_u
+                own.time,
+                own.values,
+                None,
+                by_scale,
+                lag,
+                first_echo=course.first_echo,
+                gain_u=gain_u,
+                emptied=drained,
+                set_rate=set_rate,
             ),
         )
     return replace(found, error=error, device_error=device)

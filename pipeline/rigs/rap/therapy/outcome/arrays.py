@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.rigs.rap.alarms.results import RATIOS
+from pipeline.rigs.rap.therapy.command import command_of
 from pipeline.rigs.rap.therapy.levels import REASONS, USABLE
 from pipeline.rigs.rap.therapy.outcome.checks import Check
 from pipeline.rigs.rap.therapy.outcome.thinning import envelope, picked, spans
 from pipeline.rigs.rap.therapy.record import ALARMS, BATTERY, MEMBRANE, PARTS, REDUNDANCY, TEMPERATURE, VOLUME
 from pipeline.rigs.rap.therapy.run_numbers import RunNumbers
+from pipeline.rigs.rap.therapy.volume_numbers import stops
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -101,14 +103,18 @@ def _volume(run: RunNumbers) -> Rows:
     known = time >= (course.first_echo if course.first_echo is not None else math.inf)
     nothing = np.full(time.size, math.nan)
     own, scale, lag = run.record.signal("uf_volume_rap"), volume.weighed, volume.lag
-    on_scale = time + (lag.lag.value or 0.0) if lag is not None else time
-    set_volume = volume.regulation.set_volume if volume.regulation else None
+    on_scale = time + (lag.value if lag is not None else 0.0)
+    set_point = run.record.signal("uf_flow_set")
+    asked = nothing
+    if set_point is not None and len(course.segments) == 1:
+        asked = command_of(set_point, None, stopped=stops(run.record)).volume(course.time)
+        asked = (asked - asked[0] + course.smoothed_volume[0])[kept]
     return _table({
         "time": time, "estimate": np.where(known, course.volume[kept], course.smoothed_volume[kept]),
             "sd": np.where(known, course.volume_sd[kept], course.smoothed_sd[kept]), "filled_in": ~known,
         "gain": course.smoothed_gain[kept], "gain_sd": course.smoothed_gain_sd[kept],
-        "set": np.interp(time, course.time, set_volume) if set_volume is not None and set_volume.size == course.time.size else nothing,
-        "scale": np.interp(on_scale, scale.time, scale.volume, left=math.nan, right=math.nan) if scale is not None else nothing,
+        "set": asked,
+        "scale": np.interp(on_scale, scale.time[scale.good], scale.volume[scale.good], left=math.nan, right=math.nan) if scale is not None else nothing,
         "device": np.interp(time, own.time, own.values, left=math.nan, right=math.nan) if own is not None else nothing,
     })  # fmt: skip
 
@@ -118,7 +124,7 @@ def _volume_error(run: RunNumbers) -> Rows:
     for source, error in (("filter", volume.error), ("device", volume.device_error)) if volume else ():
         if error is not None:
             kept = picked(error.time.size)
-            sd = error.sd[kept] if error.sd is not None else np.full(kept.size, math.nan)
+            sd = error.sd[kept]
             rows += _table({"source": source, "time": error.time[kept], "error": error.error[kept], "sd": sd})
     return rows
 
@@ -159,7 +165,7 @@ def _account(run: RunNumbers) -> Rows:
     ratio = error.rate_ratio.value if error else None
     return [{
         "removed": volume.course.total, "removed_sd": volume.course.total_sd,
-        "final_error": error.final if error else math.nan, "final_share": error.final_percent / 100.0 if error else math.nan,
+        "final_error": _or_nan(error.final.value) if error else math.nan, "final_share": error.final_percent / 100.0 if error else math.nan,
         "rate_ratio": _or_nan(ratio), "closed_loop": regulation.error_share if regulation else math.nan,
         "open_loop": regulation.open_loop_share if regulation else math.nan, "nis": volume.course.consistency.mean_nis,
     }]  # fmt: skip

@@ -67,11 +67,10 @@ def _volume(run: RunNumbers, settings: TherapySettings) -> Iterator[Check]:
     error = run.volume.error if run.volume else None
     if error is None or not math.isfinite(error.final_percent):
         return
-    share = abs(error.final_percent) / 100.0
-    sd = float(error.sd[-1]) if error.sd is not None and len(error.sd) else 0.0
-    removed = abs(error.final) / share if share else math.inf
-    word, mood = _within(share, sd / removed if removed else 0.0, settings.volume_tolerance)
-    found = f"{error.final / ML:+.1f} mL, {error.final_percent:+.2f} %"
+    share, final = abs(error.final_percent) / 100.0, error.final.value or 0.0
+    doubt = (error.final.std_error or 0.0) * share / abs(final) if final else 0.0
+    word, mood = _within(share, doubt, settings.volume_tolerance)
+    found = f"{final / ML:+.1f} mL, {error.final_percent:+.2f} %"
     yield Check(
         run.run, "final error of the ultrafiltrate volume", found, f"below {100 * settings.volume_tolerance:g} %", word, mood,
         f"The estimated ultrafiltrate ends {found} off the scale: {_placed(word)} the tolerance of {100 * settings.volume_tolerance:g} %.",
