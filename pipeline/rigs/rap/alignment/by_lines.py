@@ -8,15 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.rigs.rap.alignment.clock import Clock
-from pipeline.rigs.rap.alignment.fine import Fine, Rows, fit_ratios, rows_of
+from pipeline.rigs.rap.alignment.fine import Fine, Rows, fit_ratios, model_of, rows_of
 from pipeline.rigs.rap.alignment.pair import Pair
 from pipeline.rigs.rap.alignment.result import Coarse, Track
 from pipeline.rigs.rap.alignment.stamps import evened
-from pipeline.rigs.rap.alignment.strokes import Lines, Strokes, follow, lines, windows_over
+from pipeline.rigs.rap.alignment.strokes import Lines, Strokes, follow, lines
+from pipeline.rigs.rap.alignment.unwrap import unwrapped
+from pipeline.rigs.rap.pulsation.pump import Pump, pump
+from pipeline.rigs.rap.pulsation.windows import Windows, cut, joined
 from pipeline.rigs.rap.tables import Signal
 
 # Windows, s; long records are looked at every so often.
-_WINDOW, _LONG, _EVERY = 15.0, 3600.0, 30.0
+_WINDOW, _SHORTEST, _LONG, _EVERY = 15.0, 5.0, 3600.0, 30.0
+# What the pump needs to be up to speed, s.
+_SETTLES = 1.0
 # Two channels of one pressure differ in the size of their lines by no more than that.
 _GAIN = (0.7, 1.4)
 # A pole to start from, s; the coarse lag is right to that, s.
@@ -60,12 +65,12 @@ def by_lines(pairs: Sequence[Pair], coarse: Coarse, bench_pole: float) -> ByLine
         Pole of the bench's sensors, s.
     """
     first, last = _overlap(pairs, coarse.lag)
-    length = min(_WINDOW, 0.5 * (last - first))
-    if length < 5.0:
-        return None
     reference = 0.5 * (first + last)
     chosen = max(pairs, key=_pulsation)
-    windows = windows_over(first, last, length, _EVERY if last - first > _LONG else length)
+    turning = pump(chosen.bench.time, chosen.bench.values)
+    windows = _windows(turning, first, last)
+    if windows.size < _FEWEST_WINDOWS:
+        return None
     strokes = follow(chosen.bench.time, chosen.bench.values, windows)
     if strokes.turning.sum() < _FEWEST_WINDOWS:
         return None
@@ -99,6 +104,20 @@ def by_lines(pairs: Sequence[Pair], coarse: Coarse, bench_pole: float) -> ByLine
         bench_pole,
         with_rate,
     )
+
+
+def _windows(turning: Pump, first: float, last: float) -> Windows:
+    """Return windows of 15 s (less where the pump turns for less than two of them) within its stretches."""
+    every = _EVERY if last - first > _LONG else 0.0
+    parts = []
+    for stretch in turning.stretches:
+        begin = max(first, stretch.first + _SETTLES)
+        end = min(last, stretch.last - _SETTLES)
+        count = max(int((end - begin) / _WINDOW), 2)
+        length = min((end - begin) / count, 1.2 * _WINDOW)
+        if length >= _SHORTEST:
+            parts.append(cut(begin, end, length, max(every, length)))
+    return joined(parts)
 
 
 def _overlap(pairs: Sequence[Pair], lag: float) -> tuple[float, float]:
@@ -138,8 +157,6 @@ def _tracked(
     pair: Pair, strokes: Strokes, clock: Clock, coarse: Coarse, bench_pole: float, bench_even: bool
 ) -> tuple[Clock, bool] | None:
     """Return the clock to some milliseconds, from the phase of the first line in each window; None where there is none."""
-    from pipeline.rigs.rap.alignment.unwrap import unwrapped
-
     bench = _lines_of(pair.bench, strokes, None, bench_even)
     sure = True
     for _ in range(2):
@@ -206,8 +223,6 @@ def _alike_in_size(
 def _track(fine: Fine, strokes: Strokes, clock: Clock, bench_pole: float) -> Track:
     """Return the lag of each window with gain and poles as fitted: all its rows together, weighted."""
     rows: Rows = fine.rows
-    from pipeline.rigs.rap.alignment.fine import model_of
-
     still = model_of(rows, fine.fit.values, bench_pole, fine.separate, delayed=False)
     turn = np.angle(rows.ratio / still) / rows.omega
     weight = np.where(fine.used, (rows.omega * np.abs(still) / rows.sd) ** 2, 0.0)

@@ -23,6 +23,9 @@ _LEAST = 0.5
 _AGAINST = 0.7
 # Over that time a feature must change the level by this share of the largest pulsation, s and 1.
 _FEATURE_TIME, _FEATURE = 3.0, 0.25
+# Of runs longer than that only what lies so near to the strongest feature counts, s; no clock drifts faster, relative. From
+# that peak on the whole of a run tells where to look.
+_LONG, _AROUND, _FASTEST, _FOUND_ROUGHLY = 1800.0, 120.0, 500e-6, 0.3
 # Two peaks lie further apart than a feature is wide, s.
 _APART = 1.0
 
@@ -45,10 +48,46 @@ def coarse_lag(pairs: Sequence[Pair], search: float = SEARCH) -> Coarse:
         wide = _best(courses, -np.inf, np.inf)
         if wide is not None and (found is None or wide.peak > found.peak + 0.2):
             found = replace(wide, wide=True)
+    if found is not None and found.peak >= _FOUND_ROUGHLY:
+        found = _about_one_feature(courses, found) or found
     if found is None:
         nothing = np.empty(0)
         return Coarse(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, nothing, nothing, featured=False)
     return replace(found, featured=featured)
+
+
+def _about_one_feature(courses: Sequence[tuple[Pair, Course, Course]], found: Coarse) -> Coarse | None:
+    """Return the lag about the strongest feature of a long run, in which a drift smears what lies hours apart.
+
+    None for short runs, or where that feature tells less than the whole.
+    """
+    longest = max((bench for _, _, bench in courses), key=lambda one: one.slope.size)
+    if longest.slope.size * longest.step < _LONG:
+        return None
+    size = sum(
+        np.interp(_moments(longest), _moments(b), b.slope**2) / max(float(b.slope @ b.slope), 1e-300)
+        for _, _, b in courses
+    )
+    middle = float(_moments(longest)[int(np.argmax(size))])
+    near = [(pair, device, _part(bench, middle - _AROUND, middle + _AROUND)) for pair, device, bench in courses]
+    near = [one for one in near if one[2].slope.size > 10 and float(one[2].slope @ one[2].slope) > 0.0]
+    drift = _FASTEST * longest.slope.size * longest.step
+    one = _best(near, found.lag - _AROUND, found.lag + _AROUND) if near else None
+    if one is None or not one.peak > max(found.peak, _AGAINST) or abs(one.lag - found.lag) > drift + _APART:
+        return None
+    return replace(one, wide=found.wide, flipped=found.flipped)
+
+
+def _moments(one: Course) -> np.ndarray:
+    """Return the middles of the bins, s, shape (n,)."""
+    return np.asarray(one.start + one.step * np.arange(one.slope.size))
+
+
+def _part(one: Course, first: float, last: float) -> Course:
+    """Return a course between two moments, s."""
+    inside = slice(max(round((first - one.start) / one.step), 0), max(round((last - one.start) / one.step), 0))
+    start = one.start + one.step * (inside.start or 0)
+    return Course(start, one.step, one.slope[inside], one.known[inside], one.level[inside])
 
 
 def _featured(courses: Sequence[tuple[Pair, Course, Course]]) -> bool:
@@ -130,9 +169,8 @@ def _peaks(
     inner = np.flatnonzero((filled[1:-1] >= filled[:-2]) & (filled[1:-1] >= filled[2:])) + 1
     others = inner[np.abs(lags[inner] - lag) > _APART]
     second = int(others[filled[others].argmax()]) if others.size else -1
-    device = courses[0][2]
-    energy = device.slope**2
-    at = device.start + device.step * float(np.average(np.arange(energy.size), weights=energy + 1e-300))
+    bench = courses[0][2]
+    at = float(np.average(_moments(bench), weights=bench.slope**2 + 1e-300))
     return Coarse(
         lag,
         0.05,

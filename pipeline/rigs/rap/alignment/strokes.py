@@ -100,12 +100,6 @@ def lines(time: np.ndarray, values: np.ndarray, strokes: Strokes) -> Lines:
     return found
 
 
-def windows_over(first: float, last: float, length: float, every: float) -> Windows:
-    """Return windows of `length` s each `every` s between two times (s)."""
-    start = np.arange(first, last - length + 1e-9, every)
-    return Windows(start, start + length)
-
-
 def _follow_stack(stack: Stack, rate: float, use: np.ndarray, strokes: Strokes) -> None:
     rows = np.arange(strokes.windows.size)[stack.rows][use]
     part = Stack(stack.rows, stack.offset[use], stack.values[use], stack.weight[use])
