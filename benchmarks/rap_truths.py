@@ -70,7 +70,8 @@ def flow(overrides: Mapping[str, Any], seed: int) -> Known:
 
     def known(p: Parameter) -> float | None:
         if p.name == "flow":
-            return _mean_flow(quiet[str(p.at["run"])], float(p.at["flow_set"]))
+            through = _mean_flow(quiet[str(p.at["run"])], float(p.at["flow_set"]), t.device_lag)
+            return through + (t.uf_flow if t.flowmeter_location == "return" else 0.0)
         return values.get(p.name)
 
     return known
@@ -93,16 +94,15 @@ def _mean_pressure_estimator(t: FlowTruth) -> tuple[float, float]:
     return float(V_0), float(C_p)
 
 
-def _mean_flow(run: Recording, flow_set: float) -> float:
+def _mean_flow(run: Recording, flow_set: float, lag: float) -> float:
     """Return the mean of the noiseless meter (m^3/s) at a set-point, over all clamps."""
     changes, level = run.signal("blood_flow_set")
-    clock = truth_of(FlowTruth(), {})
     moments, read = run.signal("blood_flow_bench")
-    at = moments - clock.device_lag
+    at = moments - lag
     now = np.searchsorted(changes, at, side="right") - 1
     set_now = level[np.maximum(now, 0)]
     edges = moments[1:][np.diff(set_now) != 0.0]
-    settled = np.ones(moments.size, dtype=bool)
+    settled = at > changes[0] + _SETTLED
     for edge in edges:
         settled &= (moments < edge - 1.0) | (moments > edge + _SETTLED)
     return float(read[settled & (np.abs(set_now - flow_set) < 1e-9)].mean())
