@@ -44,6 +44,8 @@ FLAGS = (
     ("estop_pressed", True, "EMERGENCY_STOP"),
     ("watchdog_ok", False, "WATCHDOG"),
 )
+# When in a stroke a fault sets in moves the crossing by this, s (1 sigma; simulated).
+_PHASE = 0.035
 # The device wrote an alarm and stopped its pumps within this, s; a cause seen for this long before is the reason.
 _REACTION, _GLIMPSE = 2.0, 0.15
 _SYMBOLS = {"access": "r_a", "filter": "r_f", "return": "r_r", "membrane": "r_m"}
@@ -74,13 +76,22 @@ def _of_ratios(log: DeviceLog, found: RatioResult, limits: AlarmLimits) -> list[
         with np.errstate(invalid="ignore"):
             beyond = r > limits.high if above else r < limits.low
         for start, end in (*_lasting(time, beyond, limits.hold), *_cut_short(time, beyond, limits.hold, stops)):
-            due = float(time[int(np.searchsorted(time[:-1], min(start + limits.hold, end) - 1e-9))])
+            due = float(time[int(np.searchsorted(time[:-1], min(start + limits.hold - step, end) - 1e-9))])
             inside = r[(time >= start) & (time <= end)]
             extreme = float(np.nanmax(inside) if above else np.nanmin(inside))
             words = f"{_SYMBOLS[name]} {'up to' if above else 'down to'} {extreme:.2f} of the baseline"
             error = _crossing_error(time, r, start, ratios.noise[name], step)
-            out.append(Cause(code, start, due, end if end < time[-1] else None, words, error))
+            out.append(Cause(code, start, due, _gone(end, float(time[-1]), found), words, error))
     return out
+
+
+def _gone(end: float, last: float, found: RatioResult) -> float | None:
+    """Return when a cause was gone: one that the stop of the pump took out of sight stays until the pump runs again."""
+    running = found.pump.running if found.pump is not None else ()
+    for (_, stop), (start, _) in zip(running, (*running[1:], (float("inf"), 0.0)), strict=True):
+        if abs(stop - end) <= _GLIMPSE:
+            return start if start < last else None
+    return end if end < last else None
 
 
 def _stopped_by_alarm(log: DeviceLog, found: RatioResult) -> np.ndarray:
@@ -94,16 +105,15 @@ def _cut_short(time: np.ndarray, beyond: np.ndarray, hold: float, stops: np.ndar
     """Return the spans of `beyond` that the device itself ended before they had lasted: its means are not ours."""
     if stops.size == 0:
         return []
-    short = [
-        (a, b) for a, b in _unbroken(time, beyond, float(np.median(np.diff(time)))) if _GLIMPSE <= b - a < hold - 1e-9
-    ]
+    step = float(np.median(np.diff(time)))
+    short = [(a, b) for a, b in _unbroken(time, beyond, step) if _GLIMPSE <= b - a < hold - step - 1e-9]
     return [(a, b) for a, b in short if np.min(np.abs(stops - b)) <= _GLIMPSE]
 
 
 def _lasting(time: np.ndarray, beyond: np.ndarray, hold: float) -> list[tuple[float, float]]:
     """Return the spans of `beyond` that last `hold` seconds; what is back for less than `hold` has not ended."""
     step = float(np.median(np.diff(time)))
-    pieces = [piece for piece in _unbroken(time, beyond, step) if piece[1] - piece[0] >= hold - 1e-9]
+    pieces = [piece for piece in _unbroken(time, beyond, step) if piece[1] - piece[0] >= hold - step - 1e-9]
     return joined(pieces, max(hold, step))
 
 
@@ -120,8 +130,8 @@ def _crossing_error(time: np.ndarray, ratio: np.ndarray, start: float, noise: fl
     near = ratio[max(i - n, 0) : i + n + 1]
     near = near[np.isfinite(near)]
     slope = abs(float(near[-1] - near[0])) / ((near.size - 1) * step) if near.size > 1 else 0.0
-    from_noise = min(noise / slope, 1.0) if slope > 0.0 else 1.0
-    return float(np.hypot(from_noise, step / np.sqrt(12.0)))
+    from_noise = min(2.0 * noise / slope, 1.0) if slope > 0.0 else 1.0
+    return float(np.sqrt(from_noise**2 + _PHASE**2 + step**2 / 12.0))
 
 
 def _out_of_range(found: RatioResult, limits: AlarmLimits) -> list[Cause]:

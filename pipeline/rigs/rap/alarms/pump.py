@@ -147,5 +147,7 @@ def _flow(log: DeviceLog, grid: np.ndarray, on: np.ndarray) -> tuple[np.ndarray,
 
 
 def _changes(signal: Signal, least: float) -> np.ndarray:
-    place = np.flatnonzero(np.abs(np.diff(signal.values)) > least) + 1
+    """Return the moments at which a set-point becomes another one; starts and stops are none."""
+    before, after = signal.values[:-1], signal.values[1:]
+    place = np.flatnonzero((np.abs(after - before) > least) & (before > 0.0) & (after > 0.0)) + 1
     return np.asarray(signal.time[place], float)

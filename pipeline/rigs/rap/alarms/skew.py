@@ -73,7 +73,7 @@ def skew_of(time: np.ndarray, control: np.ndarray, protective: np.ndarray) -> Sk
         slope_error = spread / np.sqrt(float(np.sum(t * t)))
         slope = slope if abs(slope) > 5.0 * slope_error else 0.0
         value = float(np.mean(delay[good]))
-    error = spread / np.sqrt(good.sum()) if good.sum() > 2 else float("nan")
+    error = float(np.std(delay[good], ddof=1) / np.sqrt(good.sum())) if good.sum() > 2 else float("nan")
     return Skew(value, error, slope, at, int(good.sum()))
 
 
