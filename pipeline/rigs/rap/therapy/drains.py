@@ -18,6 +18,7 @@ LEAST_DROP = 50e-6
 _WITHIN = 60.0
 _AFTER_KEY = 600.0
 _COUNT = 11
+_LASTING = 61
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,10 @@ def _falls(levels: Levels, tank: Tank, command: Command) -> list[Emptying]:
         # The fall itself lies where neighbours differ most.
         near = np.arange(max(before - _COUNT + 1, 0), min(after + _COUNT - 1, time.size - 1))
         step = near[int(np.argmax(rest[near] - rest[near + 1]))] if near.size else before
-        t0, t1 = float(time[step]), float(time[step + 1])
-        out.append(Emptying(float(np.nextafter(t0, np.inf)), (t0, t1), float(drop[best]), False))
+        # Waves and walking fake a fall for seconds, not for a minute.
+        before_it, after_it = rest[max(step - _LASTING, 0) : step + 1], rest[step + 1 : step + 1 + _LASTING]
+        lasting = float(np.median(before_it) - np.median(after_it))
+        if lasting > LEAST_DROP:
+            t0, t1 = float(time[step]), float(time[step + 1])
+            out.append(Emptying(float(np.nextafter(t0, np.inf)), (t0, t1), lasting, False))
     return out
