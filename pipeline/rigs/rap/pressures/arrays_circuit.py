@@ -32,7 +32,7 @@ def circuit_tables(runs: Sequence[RunNumbers]) -> dict[str, pd.DataFrame]:
             ("run", "source", "start", "end", "turning", "flow_set", "flow", "uf_set", "heparin_set", "frequency", "access", "prefilter", "return", "uf", "tmp"),
             [row for run, circuit in known for row in _levels(run, circuit)],
         ),
-        "resistance": table(("run", "name", "x", "y", "sd"), [row for run, circuit in known for row in _lines(run, circuit)]),
+        "resistance": table(("run", "name", "x", "y", "sd", "zeroed"), [row for run, circuit in known for row in _lines(run, circuit)]),
         "filter_ratio": joined(("run", "harmonic", "frequency", "size", "phase", "sd", "used"), [_ratios(run, circuit) for run, circuit in known]),
         "filter_curve": joined(("run", "frequency", "size", "phase"), [_curve(run, circuit) for run, circuit in known]),
         "tmp": joined(("run", "time", "tmp", "uf_set"), [_tmp(run, circuit) for run, circuit in known]),
@@ -109,7 +109,16 @@ def _lines(run: RunNumbers, circuit: CircuitNumbers) -> Rows:
                 if name == "k_uf":
                     # The set rate is exact: what scatters is the pressure.
                     sd = value * _mean(x[inside])[1] / _mean(x[inside])[0]
-                rows.append({"run": run.name, "name": name, "x": _mean(x[inside])[0], "y": value, "sd": sd})
+                rows.append(
+                    {
+                        "run": run.name,
+                        "name": name,
+                        "x": _mean(x[inside])[0],
+                        "y": value,
+                        "sd": sd,
+                        "zeroed": bool(found.zero),
+                    }
+                )
     return rows
 
 

@@ -3,23 +3,66 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.recording import QualityFinding
-from pipeline.rigs.rap.alignment.result import Alignment, Ratios
+from pipeline.rigs.rap.alignment.result import Alignment
 from pipeline.rigs.rap.conditions import TAP_NAMES, pressure
+from pipeline.rigs.rap.pressures.aligned import Aligned
+from pipeline.rigs.rap.pulsation.harmonics import harmonics
+from pipeline.rigs.rap.pulsation.passages import Passages
 
-# A pole that is that many times, and that much (s), larger than those of the other taps is not the sensor's.
-_TIMES, _SLOWER = 2.0, 0.015
+# A delay beyond that of the other taps' sensors that is no sensor's, s.
+_LATE = 0.015
 # A step of the pulsation by that share, that many standard errors clear, with that many windows on either side.
 _STEP, _SIGMAS, _FEWEST = 0.06, 8.0, 4
 # Pulsation and means tell gains that agree within that share, and that many standard errors (section 5.8).
 _GAINS_APART, _CLEAR = 0.05, 5.0
-_ADVICE = "air or something soft at the transducer: compliance changed; E2 invalid. Flush the line to the sensor"
+# Weaker lines of the bench tell nothing, in their standard errors.
+_LEAST_LINE = 15.0
+_ADVICE = "air or something soft at the transducer? Compliance changed; E2 invalid. Flush the line to the sensor"
 
 
-def bubble_faults(run: str, alignment: Alignment, gains: dict[str, tuple[float, float]]) -> list[QualityFinding]:
+@dataclass(frozen=True, eq=False)
+class Pulsation:
+    """Device over bench at the strokes, window by window (w,): middle `time` (s), what is left after the usual sensor.
+
+    `gain` (1) is the size and `late` (s) the delay once the pole that the other taps' sensors have is taken off.
+    """
+
+    time: np.ndarray
+    gain: np.ndarray
+    late: np.ndarray
+
+
+def pulsation_of(one: Aligned, passages: Passages, usual_pole: float, bench_pole: float) -> Pulsation | None:
+    """Return how the strokes stand in the device against the bench; None where too few windows show them."""
+    windows, frequency = passages.windows.of(passages.turning), passages.frequency[passages.turning]
+    if not frequency.size:
+        return None
+    known = [np.where(one.good, values, np.nan) for values in (one.device, one.plain)]
+    ours, theirs = (harmonics(one.time, values, windows, frequency, (1.0, 2.0)) for values in known)
+    line, noise = np.abs(theirs.coefficients[:, 0]), theirs.errors[:, 0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = np.isfinite(ours.coefficients[:, 0]) & (line > _LEAST_LINE * noise)
+    if found.sum() < 2 * _FEWEST:
+        return None
+    omega = 2.0 * np.pi * frequency[found]
+    ratio = ours.coefficients[found, 0] / theirs.coefficients[found, 0]
+    ratio *= (1.0 + 1j * omega * usual_pole) / (1.0 + 1j * omega * bench_pole)
+    return Pulsation(windows.centre[found], np.abs(ratio), -np.angle(ratio) / omega)
+
+
+def bubble_faults(
+    run: str,
+    alignment: Alignment,
+    passages: Passages | None,
+    taps: Sequence[Aligned],
+    gains: Mapping[str, tuple[float, float]],
+) -> list[QualityFinding]:
     """Return what the device's pulsation against the bench's says of air.
 
     Parameters
@@ -27,51 +70,54 @@ def bubble_faults(run: str, alignment: Alignment, gains: dict[str, tuple[float, 
     gains
         Gain from the means (Deming) and its standard error by tap: a pulsation that is smaller by more is damped.
     """
-    if alignment.ratios is None:
+    if passages is None:
         return []
-    found = [*_slow_poles(run, alignment), *_steps(run, alignment.ratios)]
-    told = {finding.channel for finding in found}
-    return found + [one for one in _amplitudes(run, alignment, gains) if one.channel not in told]
-
-
-def _slow_poles(run: str, alignment: Alignment) -> list[QualityFinding]:
-    poles = alignment.pole_by_name
     found = []
-    for tap, pole in poles.items():
-        others = [value for name, value in poles.items() if name != tap]
-        usual = float(np.median(others)) if others else math.nan
-        if pole > max(_TIMES * usual, usual + _SLOWER):
-            text = (
-                f"the device's {TAP_NAMES.get(tap, tap)} channel answers with {1e3 * pole:.3g} ms, where the other taps' do with {1e3 * usual:.3g} ms: its "
-                f"pulsation is lower and later; {_ADVICE}"
-            )
-            found.append(QualityFinding("warning", text, run, pressure(tap, "rap")))
+    for one in taps:
+        others = [value for name, value in alignment.pole_by_name.items() if name != one.name]
+        usual = float(np.median(others)) if others else alignment.pole_by_name.get(one.name, alignment.bench_pole)
+        pulsation = pulsation_of(one, passages, usual, alignment.bench_pole)
+        if pulsation is not None:
+            found += _told(run, one.name, pulsation, usual, gains.get(one.name))
     return found
 
 
-def _steps(run: str, ratios: Ratios) -> list[QualityFinding]:
-    """Tell taps whose pulsation changes at some moment against the bench's."""
-    found = []
-    for tap in dict.fromkeys(ratios.name.tolist()):
-        rows = np.flatnonzero((ratios.name == tap) & (ratios.order == 1))
-        rows = rows[np.argsort(ratios.time[rows], kind="stable")]
-        split = _best_split(np.abs(ratios.ratio[rows] / ratios.model[rows]))
-        if split is None:
-            continue
+def _told(
+    run: str, tap: str, pulsation: Pulsation, usual: float, gain: tuple[float, float] | None
+) -> list[QualityFinding]:
+    """Return at most one finding on a tap: a step first, else a delay, else a size that the means contradict."""
+    name, channel = f"the device's {TAP_NAMES.get(tap, tap)} channel", pressure(tap, "rap")
+    split = best_split(pulsation.gain)
+    late = float(np.median(pulsation.late))
+    if split is not None:
         at, before, after = split
-        moment = 0.5 * float(ratios.time[rows[at - 1]] + ratios.time[rows[at]])
-        phase = np.angle(ratios.ratio[rows] / ratios.model[rows]) / (2.0 * np.pi * ratios.frequency[rows])
-        later = float(np.median(phase[:at]) - np.median(phase[at:]))
+        moment = 0.5 * float(pulsation.time[at - 1] + pulsation.time[at])
+        later = float(np.median(pulsation.late[at:]) - np.median(pulsation.late[:at]))
         text = (
-            f"the pulsation of the device's {TAP_NAMES.get(tap, tap)} channel changes by {100 * (after / before - 1.0):+.0f} % against the bench's near {moment:.0f} s "
-            f"(bench's clock) and its delay by {1e3 * later:+.1f} ms; {_ADVICE}"
+            f"the pulsation of {name} changes by {100 * (after / before - 1.0):+.0f} % against the bench's near {moment:.0f} s (bench's clock), its delay by "
+            f"{1e3 * later:+.1f} ms: {_ADVICE}"
         )
-        found.append(QualityFinding("warning", text, run, pressure(tap, "rap"), (moment, moment)))
-    return found
+        return [QualityFinding("warning", text, run, channel, (moment, moment))]
+    if late > _LATE:
+        text = (
+            f"{name} answers about {1e3 * (late + usual):.0f} ms late, the other taps' sensors {1e3 * usual:.0f} ms, and shows {100 * float(np.median(pulsation.gain)):.0f} % of "
+            f"their pulsation: {_ADVICE}"
+        )
+        return [QualityFinding("warning", text, run, channel)]
+    if gain is not None:
+        size = float(np.median(pulsation.gain))
+        error = float(np.std(pulsation.gain)) / math.sqrt(pulsation.gain.size)
+        # A pole that is a little larger than the others' is the sensor's own and takes off no more than its delay allows.
+        own = max(late, 0.0) / _LATE
+        apart = (size / gain[0] - 1.0) * (1.0 - min(own, 1.0))
+        if abs(apart) > max(_GAINS_APART, _CLEAR * math.hypot(error, gain[1])):
+            text = f"the pulsation of {name} is {size:.3f} times the bench's, its means {gain[0]:.3f} times: the gain depends on amplitude or frequency; {_ADVICE}"
+            return [QualityFinding("warning", text, run, channel)]
+    return []
 
 
-def _best_split(values: np.ndarray) -> tuple[int, float, float] | None:
-    """Return where a course steps, and its means on both sides; None where it does not."""
+def best_split(values: np.ndarray) -> tuple[int, float, float] | None:
+    """Return where a course (n,) steps, and its means on both sides; None where it does not."""
     best: tuple[float, int] = (0.0, 0)
     for at in range(_FEWEST, values.size - _FEWEST + 1):
         before, after = values[:at], values[at:]
@@ -83,21 +129,3 @@ def _best_split(values: np.ndarray) -> tuple[int, float, float] | None:
         return None
     first, second = float(values[:at].mean()), float(values[at:].mean())
     return (at, first, second) if abs(second / first - 1.0) > _STEP and best[0] > _SIGMAS else None
-
-
-def _amplitudes(run: str, alignment: Alignment, gains: dict[str, tuple[float, float]]) -> list[QualityFinding]:
-    """Hold the gain that the pulsation tells against the one of the means."""
-    found = []
-    for one in alignment.gains:
-        tap = str(one.at["channel"])
-        if one.value is None or one.std_error is None or tap not in gains:
-            continue
-        mean, error = gains[tap]
-        apart = one.value / mean - 1.0
-        if abs(apart) > max(_GAINS_APART, _CLEAR * math.hypot(one.std_error, error)):
-            text = (
-                f"the device's {TAP_NAMES.get(tap, tap)} pulsation is {one.value:.3f} times the bench's, its means {mean:.3f} times: the gain depends on amplitude or "
-                f"frequency; {_ADVICE}"
-            )
-            found.append(QualityFinding("warning", text, run, pressure(tap, "rap")))
-    return found

@@ -11,6 +11,7 @@ from pipeline.rigs.rap.pressures.record import Record, Source
 # A step that is that share longer than the usual one loses samples; shorter ones than that share are told together.
 _OFF = 0.2
 _LOSES = 1.5
+_AROUND = 4
 
 
 def gap_notes(record: Record) -> list[QualityFinding]:
@@ -24,7 +25,9 @@ def _of(record: Record, source: Source) -> QualityFinding | None:
         return None
     steps = np.diff(one.time)
     usual = float(np.median(steps))
-    lost = np.flatnonzero(steps > _LOSES * usual)
+    lost = np.array(
+        [k for k in np.flatnonzero(steps > _LOSES * usual) if _missing(one.time, int(k), usual) > 0.6], dtype=int
+    )
     uneven = float(np.mean(np.abs(steps / usual - 1.0) > _OFF))
     if lost.size:
         n = int(np.sum(np.round(steps[lost] / usual) - 1))
@@ -42,6 +45,12 @@ def _of(record: Record, source: Source) -> QualityFinding | None:
         )
         return QualityFinding("note", text, record.run, one.name)
     return None
+
+
+def _missing(time: np.ndarray, at: int, usual: float) -> float:
+    """Return how many samples are missing about a long step: a late stamp is made up for by the steps around it."""
+    first, last = max(at - _AROUND, 0), min(at + 1 + _AROUND, time.size - 1)
+    return float((time[last] - time[first]) / usual - (last - first))
 
 
 def _of_whom(source: Source) -> str:

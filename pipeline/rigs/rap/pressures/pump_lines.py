@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.recording import QualityFinding
+from pipeline.rigs.rap.pressures.bubble import best_split
 from pipeline.rigs.rap.pressures.record import WORDS, Record, Source
 from pipeline.rigs.rap.pulsation.harmonics import harmonics
 from pipeline.rigs.rap.pulsation.passages import JUMP, Passages, find_passages
@@ -24,6 +25,8 @@ _HIGHEST_ORDER = 12
 # the error); from the second share of the fundamental on it disturbs. It must be told from the pump's and the rotor's lines, Hz.
 _SEEN, _DISTURBS, _OWN, _ROTOR = 2.5, 0.05, 0.25, 0.12
 _FEWEST = 5
+# Windows of one speed and one mean pressure, within these shares.
+_SAME_SPEED, _SAME_LEVEL = 0.03, 0.1
 # Slower logs fold the line of a fast pump back, or do not show it at all, Hz.
 _SLOWEST, _SLOW = 4.0, 8.0
 
@@ -81,18 +84,41 @@ def _by_set_point(passages: Passages, flow_set: Signal) -> tuple[PumpLine, ...]:
 def pump_faults(record: Record, found: PumpLines) -> list[QualityFinding]:
     """Return what the pump's lines of one source give away."""
     strokes = _strokes(record, found.source.reader, found.lines)
-    return [*_jumps(record, found), *strokes, *(_slow(record, found) if not strokes else []), *_aliased(record, found)]
+    return [*_jumps(record, found), *strokes, *_aliased(record, found), *_softer(record, found)]
 
 
-def _slow(record: Record, found: PumpLines) -> list[QualityFinding]:
-    """Tell a log that is too slow for the pump's lines."""
-    if found.signal.rate >= _SLOW:
+def _softer(record: Record, found: PumpLines) -> list[QualityFinding]:
+    """Tell a pulsation that changes at some moment of one set-point, while mean and speed stay: air in the circuit."""
+    passages = found.passages
+    told = []
+    for line in found.lines:
+        rows = np.flatnonzero(passages.turning & (np.abs(passages.frequency / line.frequency - 1.0) < _SAME_SPEED))
+        split = best_split(passages.amplitude[rows])
+        if split is None or not rows.size:
+            continue
+        at, before, after = split
+        level = passages.harmonics.mean[rows]
+        if abs(float(level[at:].mean() / level[:at].mean()) - 1.0) > _SAME_LEVEL:
+            continue
+        moment = float(passages.windows.end[rows[at - 1]])
+        text = (
+            f"the pulsation of {found.signal.name} changes by {100 * (after / before - 1.0):+.0f} % near {moment:.0f} s at {6e7 * line.flow_set:.3g} mL/min while its mean "
+            "stays: compliance changed (air between pump and filter?); E2 invalid, and C_2 and L_r are means of both"
+        )
+        told.append(QualityFinding("warning", text, record.run, found.signal.name, (moment, moment)))
+    return told
+
+
+def too_slow(record: Record, source: Source) -> list[QualityFinding]:
+    """Tell a source that is sampled too slowly for the pump's lines."""
+    one = next(iter(source.taps.values()))
+    if not one.rate < _SLOW:
         return []
     text = (
-        f"aliasing: {WORDS[found.source.reader]} pressures are sampled at {found.signal.rate:.3g} Hz, and strokes of up to 3.5 Hz need {_SLOW:g} Hz at least: "
+        f"aliasing: {WORDS[source.reader]} pressures are sampled at {one.rate:.3g} Hz, and strokes of up to 3.5 Hz need {_SLOW:g} Hz at least: "
         "lines of the pump fold back, and move opposite to its speed. Sample faster, behind an anti-alias filter"
     )
-    return [QualityFinding("warning", text, record.run, found.signal.name)]
+    return [QualityFinding("warning", text, record.run, one.name)]
 
 
 def _jumps(record: Record, found: PumpLines) -> list[QualityFinding]:

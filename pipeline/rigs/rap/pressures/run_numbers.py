@@ -17,8 +17,9 @@ from pipeline.rigs.rap.pressures.bubble import bubble_faults
 from pipeline.rigs.rap.pressures.coherence import AtSetPoint, coherence_at_lines
 from pipeline.rigs.rap.pressures.data_faults import DataFaults
 from pipeline.rigs.rap.pressures.deming import Deming, deming
+from pipeline.rigs.rap.pressures.leftover import leftover_faults
 from pipeline.rigs.rap.pressures.levels import Level, SetPoints, levels_of
-from pipeline.rigs.rap.pressures.pump_lines import pump_faults, pump_lines
+from pipeline.rigs.rap.pressures.pump_lines import pump_faults, pump_lines, too_slow
 from pipeline.rigs.rap.pressures.readings import CircuitNumbers, circuit_of
 from pipeline.rigs.rap.pressures.record import Record
 from pipeline.rigs.rap.pressures.two_units import unit_differences
@@ -92,6 +93,7 @@ def run_numbers(record: Record, faults: DataFaults) -> RunNumbers:
     for reader in ("rap", "bench"):
         source = record.sources.get(reader)
         lines = pump_lines(record, source) if source is not None else None
+        found += too_slow(record, source) if source is not None else []
         if lines is not None:
             found += pump_faults(record, lines)
         if reader == "rap":
@@ -113,7 +115,8 @@ def run_numbers(record: Record, faults: DataFaults) -> RunNumbers:
             for tap, numbers in taps.items()
             if numbers.deming.gain.value is not None
         }
-        found += bubble_faults(record.run, alignment, gains)
+        found += bubble_faults(record.run, alignment, passages, [numbers.aligned for numbers in taps.values()], gains)
+    found += leftover_faults(record.run, {tap: (numbers.aligned, numbers.deming) for tap, numbers in taps.items()})
     circuit = circuit_of(record, faults.sound, alignment if clock_known else None, levels)
     return RunNumbers(record, alignment, why, taps, no_tap, tuple(levels), circuit, tuple(dict.fromkeys(found)))
 
@@ -139,6 +142,8 @@ def _why_no_tap(record: Record, faults: DataFaults, tap: str, why: str) -> str:
     for reader in ("rap", "bench"):
         if pressure(tap, reader) in faults.useless:
             return faults.useless[pressure(tap, reader)]
+    if any(reader not in record.sources for reader in ("rap", "bench")):
+        return why
     missing = [
         pressure(tap, r) for r in ("rap", "bench") if r not in record.sources or tap not in record.sources[r].taps
     ]

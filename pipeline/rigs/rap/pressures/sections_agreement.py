@@ -24,6 +24,7 @@ from pipeline.findings.figures import (
     Value,
 )
 from pipeline.rigs.rap.conditions import TAP_NAMES, TAPS
+from pipeline.rigs.rap.pressures.declaration import MMHG
 from pipeline.rigs.rap.pressures.sections_alignment import Blocks, by_run, of_run
 
 if TYPE_CHECKING:
@@ -85,22 +86,51 @@ def _bland_altman(points: pd.DataFrame, limit: pd.Series | None, title: str) -> 
 
 
 def _limits(findings: Findings, run: str, limits: pd.DataFrame) -> Blocks:
-    rows: list[list[Cell]] = []
-    for r in limits.to_dict("records"):
-        half = 0.5 * (r["upper"] - r["lower"])
-        rows.append([
-            TAP_NAMES.get(str(r["channel"]), str(r["channel"])), _KINDS.get(str(r["kind"]), str(r["kind"])),
-            _value(r, "bias"), _value(r, "lower"), _value(r, "upper"), _value(r, "bias"), _value(r, "lower"), _value(r, "upper"), float(half), int(r["n"]),
-        ])  # fmt: skip
-    columns = [Column("tap"), Column("of"), *(Column(name, "Pa") for name in ("bias", "lower limit", "upper limit")), *(Column(name, "mmHg") for name in ("bias", "lower limit", "upper limit", "half width")), Column("n")]  # fmt: skip
+    rows: list[list[Cell]] = [
+        [
+            TAP_NAMES.get(str(r["channel"]), str(r["channel"])), _KINDS.get(str(r["kind"]), str(r["kind"])), _value(r, "bias"), _value(r, "lower"),
+            _value(r, "upper"), f"{r['bias'] / MMHG:+.2f} ({r['lower'] / MMHG:+.2f} to {r['upper'] / MMHG:+.2f})",
+            f"± {0.5 * (r['upper'] - r['lower']) / MMHG:.2f}", int(r["n"]), int(r["blocks"]),
+        ]
+        for r in limits.to_dict("records")
+    ]  # fmt: skip
+    columns = [
+        Column("tap"), Column("of"), Column("bias", "Pa"), Column("lower limit", "Pa"), Column("upper limit", "Pa"), Column("bias (limits), mmHg"),
+        Column("limits about bias, mmHg"), Column("n"), Column("blocks"),
+    ]  # fmt: skip
     return [
         Table(
             f"limits_{run}", f"Limits of agreement{of_run(findings, run)}",
-            "Bias and bias -/+ 1.96 standard deviations with 95 % intervals, in Pa and in mmHg. The findings carry those of samples; those 'only shifted' keep the "
-            "device's filter delay in and show what equalising is worth.",
+            "Bias and bias -/+ 1.96 standard deviations with 95 % intervals. The findings carry those of samples; those 'only shifted' keep the device's filter delay in and "
+            "show what equalising is worth.",
             columns, rows,
-        )
+        ),
+        *_trends(findings, run, limits),
     ]  # fmt: skip
+
+
+def _trends(findings: Findings, run: str, limits: pd.DataFrame) -> Blocks:
+    """Return whether the difference grows with the pressure, by tap."""
+    known = limits[limits["slope"].notna()]
+    if known.empty:
+        return []
+    rows: list[list[Cell]] = [
+        [
+            TAP_NAMES.get(str(r["channel"]), str(r["channel"])), Value(float(r["slope"]), float(r["slope_sd"])),
+            Status("grows with pressure", "warning") if abs(r["slope"]) > 2.6 * r["slope_sd"] else Status("none seen", "ok"),
+        ]
+        for r in known.to_dict("records")
+    ]  # fmt: skip
+    caption = "Slope of the difference over the mean of both (5 s means): limits about a constant bias then hold at mid-range only, and gain and offset say more."
+    return [
+        Table(
+            f"trend_{run}",
+            f"Proportional bias{of_run(findings, run)}",
+            caption,
+            [Column("tap"), Column("slope"), Column("")],
+            rows,
+        )
+    ]
 
 
 def _value(row: dict[Hashable, Any], name: str) -> Value:
@@ -133,9 +163,10 @@ def of_gains(findings: Findings) -> Blocks:
     table = findings.arrays["gains"]
     if table.empty:
         return blocks
+    several = table["run"].nunique() > 1
     rows: list[list[Cell]] = [
         [
-            str(r["run"]), TAP_NAMES.get(str(r["channel"]), str(r["channel"])), _interval(r, "gain"), _interval(r, "offset"), _interval(r, "offset"),
+            *([str(r["run"])] if several else []), TAP_NAMES.get(str(r["channel"]), str(r["channel"])), _interval(r, "gain"), _interval(r, "offset"), _interval(r, "offset"),
             Value(float(r["pole"]) if np.isfinite(r["pole"]) else None), float(r["pulsation_gain"]) if np.isfinite(r["pulsation_gain"]) else None,
             Status(str(r["gain_word"]), r["gain_mood"]), Status(str(r["offset_word"]), r["offset_mood"]),
         ]
@@ -196,23 +227,40 @@ def of_coherence(findings: Findings) -> Blocks:
                 "coherence of device and bench at the harmonics of the pump, tap by tap", panels, columns=2,
             )
         )  # fmt: skip
-        cells: list[list[Cell]] = [
-            [
-                TAP_NAMES[str(r["channel"])], float(r["flow_set"]), int(r["harmonic"]), float(r["frequency"]), round(float(r["coherence"]), 4),
-                round(float(r["threshold"]), 3), round(float(r["gain"]), 3) if np.isfinite(r["gain"]) else None,
-                Status("seen", "ok") if r["coherence"] > r["threshold"] else Status("chance", "unsaid"),
-            ]
-            for r in rows.to_dict("records")
-        ]  # fmt: skip
-        columns = [Column("tap"), Column("set-point", "mL/min"), Column("harmonic"), Column("frequency", "Hz"), Column("coherence"), Column("threshold"), Column("|H|"), Column("")]  # fmt: skip
-        caption = "Device against aligned bench; |H| is device over bench at the line, without any equalising."
-        blocks.append(
-            Table(
-                f"coherence_table_{run}",
-                f"Coherence and |H| at the lines{of_run(findings, run)}",
-                caption,
-                columns,
-                cells,
-            )
-        )
+        blocks.append(_coherence_table(findings, run, rows))
     return blocks
+
+
+def _coherence_table(findings: Findings, run: str, rows: pd.DataFrame) -> Table:
+    """Return one row for each tap and set-point: coherence and |H| of each harmonic."""
+    orders = sorted({int(k) for k in rows["harmonic"]})
+    cells: list[list[Cell]] = []
+    for (tap, _), part in rows.groupby(["channel", "flow_set"], sort=False, dropna=False):
+        by = {int(r["harmonic"]): r for r in part.to_dict("records")}
+        first = by[min(by)]
+        set_ = float(first["flow_set"])
+        cells.append([
+            TAP_NAMES[str(tap)], set_ if np.isfinite(set_) else None, float(first["frequency"]) / min(by), round(float(first["threshold"]), 3),
+            *(_seen(by[k]) if k in by else None for k in orders),
+        ])  # fmt: skip
+    columns = [
+        Column("tap"),
+        Column("set-point", "mL/min"),
+        Column("strokes", "Hz"),
+        Column("threshold"),
+        *(Column(f"k = {k}") for k in orders),
+    ]
+    caption = (
+        "Coherence of device and aligned bench at the k-th harmonic, and in brackets |H|, device over bench there without any equalising; – where the coherence does not "
+        "stand above chance. An asterisk marks lines above half the sampling rate, which fold back."
+    )
+    return Table(
+        f"coherence_table_{run}", f"Coherence and |H| at the lines{of_run(findings, run)}", caption, columns, cells
+    )
+
+
+def _seen(line: dict[Hashable, Any]) -> str:
+    mark = "*" if line["folded"] else ""
+    if line["coherence"] <= line["threshold"]:
+        return f"–{mark}"
+    return f"{min(float(line['coherence']), 0.9999):.4f}{mark} ({line['gain']:.2f})"

@@ -22,7 +22,8 @@ from pipeline.findings.figures import (
     Table,
     Text,
 )
-from pipeline.rigs.rap.pressures.declaration import PARAMETERS
+from pipeline.rigs.rap.pressures.declaration import MMHG, PARAMETERS
+from pipeline.rigs.rap.pressures.paper import ML_MIN
 from pipeline.rigs.rap.pressures.sections_alignment import Blocks, by_run, of_run
 from pipeline.rigs.rap.therapy.outcome.paper import set_point_notes
 
@@ -44,8 +45,8 @@ def of_set_points(findings: Findings) -> Blocks:
     for run, rows in by_run(findings.arrays["levels"]):
         cells: list[list[Cell]] = [
             [
-                "on" if r["turning"] else "off", _number(r["flow_set"]), _number(r["flow"]), _number(r["uf_set"]), _number(r["frequency"]),
-                *(_number(r[tap]) for tap in ("access", "prefilter", "return", "uf", "tmp")), float(r["end"] - r["start"]),
+                "on" if r["turning"] else "off", _number(r["flow_set"]), _number(r["flow"], 0.01 * ML_MIN), _number(r["uf_set"]), _number(r["frequency"], 1e-3),
+                *(_number(r[tap], 0.01 * MMHG) for tap in ("access", "prefilter", "return", "uf", "tmp")), float(r["end"] - r["start"]),
             ]
             for r in rows.to_dict("records")
         ]  # fmt: skip
@@ -70,8 +71,11 @@ def _told_source(rows: pd.DataFrame) -> str:
     return str(rows["source"].iloc[0])
 
 
-def _number(value: float) -> float | None:
-    return float(value) if value is not None and np.isfinite(value) else None
+def _number(value: float, step: float = 0.0) -> float | None:
+    """Return a number for a table, rounded to `step`; None where there is none."""
+    if value is None or not np.isfinite(value):
+        return None
+    return round(float(value) / step) * step + 0.0 if step else float(value)
 
 
 def _largest(rows: pd.DataFrame, name: str) -> float | None:
@@ -140,27 +144,27 @@ def _means(findings: Findings) -> Blocks:
             x, y, half = one["x"].to_numpy(), one["y"].to_numpy(), 1.96 * one["sd"].to_numpy()
             value = _value(findings, name, run)
             marks: list[Mark] = []
-            if value is not None:
-                ends = np.array([0.0, 1.08 * x.max()])
-                marks.append(Line(ends, value * ends, "model", "through the origin"))
-            marks.append(Points(x, y, "measured", "steps", y - half, y + half))
             x_axis, y_axis = (
                 (Axis("TMP", "mmHg"), Axis("UF rate", "mL/min"))
                 if name == "k_uf"
                 else (Axis("flow", "mL/min"), Axis("pressure", "mmHg"))
             )
+            if value is not None:
+                # Without a stop of the pump the zero is not known: a slope is all there is.
+                start = 0.0 if name == "k_uf" or bool(one["zeroed"].all()) else float(np.mean(y - value * x))
+                ends = np.array([0.0, 1.08 * x.max()])
+                marks.append(Line(ends, start + value * ends, "model", "as found"))
+                off = y - start - value * x
+            marks.append(Points(x, y, "measured", "steps", y - half, y + half))
             panels.append(Panel(marks, x_axis, y_axis, _LINES[name]))
             if value is not None:
-                panels.append(
-                    Panel(
-                        [Rule(y=0.0), Points(x, y / (value * x) - 1.0, "residual", "", (y - half) / (value * x) - 1.0, (y + half) / (value * x) - 1.0)],
-                        x_axis, Axis("off the line", "%"), "what it leaves",
-                    )
-                )  # fmt: skip
+                share = value * x
+                rest = Points(x, off / share, "residual", "", (off - half) / share, (off + half) / share)
+                panels.append(Panel([Rule(y=0.0), rest], x_axis, Axis("off the line", "%"), "what it leaves"))
         blocks.append(
             Figure(
                 f"resistance_{run}", f"Resistances and membrane{of_run(findings, run)}",
-                "Are the resistances constant? Means of whole steps over the flow that passes, with a line through the origin, and what it leaves in percent: a slope there is an "
+                "Are the resistances constant? Means of whole steps over the flow that passes, with the line found (through the origin where the zero is known), and what it leaves in percent: a slope there is an "
                 "offset left over, or turbulence; a trend within a set-point is told among the quality findings.",
                 "mean pressures over flow with lines through the origin and relative residuals", panels, columns=2,
             )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.recording import Recording
-from pipeline.rigs.rap.pulsation.pump import pump
+from pipeline.rigs.rap.pulsation.pump import Pump, pump
 from pipeline.rigs.rap.tables import Signal, signal
 
 Span = tuple[float, float]
@@ -28,6 +28,10 @@ _DEVICE = ("blood_flow_set", "blood_pump_speed", "blood_flow_rap")
 _TELLS = {"rap": _DEVICE, "prot": _DEVICE, "bench": ("blood_flow_bench",)}
 
 
+# A tap that shows the pump turning for that share of the run is believed without asking the others.
+_NEARLY_ALL = 0.9
+
+
 @dataclass(frozen=True)
 class Spans:
     """Spans (s, the source's clock) with the pump on and off, their ends taken off; `told_by` is the channel that tells it."""
@@ -39,14 +43,17 @@ class Spans:
 
 def spans_of(recording: Recording, reader: str, taps: Mapping[str, Signal]) -> Spans:
     """Return when the pump is on and off by the clock of `reader` (rap, prot, bench), whose pressures are `taps`."""
-    pumps = {
-        one.name: pump(one.time, one.values)
-        for tap in _PULSATING
-        if (one := taps.get(tap)) is not None and one.rate >= _SLOWEST
-    }
+    pumps: dict[str, Pump] = {}
+    for tap in _PULSATING:
+        one = taps.get(tap)
+        if one is None or one.rate < _SLOWEST:
+            continue
+        pumps[one.name] = pump(one.time, one.values)
+        if _turned(pumps[one.name]) > _NEARLY_ALL * (one.time[-1] - one.time[0]):
+            break
     if pumps:
         # A tap that hangs or is at its rail stands still while the pump runs: the one that shows most of it is believed.
-        name = max(pumps, key=lambda name: sum(s.last - s.first for s in pumps[name].stretches))
+        name = max(pumps, key=lambda name: _turned(pumps[name]))
         found = pumps[name]
         if found.stretches:
             on = [
@@ -63,6 +70,11 @@ def spans_of(recording: Recording, reader: str, taps: Mapping[str, Signal]) -> S
         if flow is not None and flow.values.max() > 0.0:
             return Spans(*_spans(flow.time, flow.values > 0.25 * float(np.quantile(flow.values, 0.95))), name)
     return Spans((), (), "")
+
+
+def _turned(found: Pump) -> float:
+    """Return how long the pump turned, s."""
+    return sum(one.last - one.first for one in found.stretches)
 
 
 def at_rest(device: Spans, other: Spans, uf_set: Signal | None) -> tuple[Spans, Spans]:

@@ -21,6 +21,8 @@ from pipeline.rigs.rap.tables import Signal
 # Skews below that (s) do not matter; means of that length (s) that differ by more than that (Pa) do.
 _LEAST_SKEW = 1e-3
 _MEANS, _PART = 2.0, 150.0
+# In slower logs the pulsation is in the means, Hz.
+_SLOWEST = 8.0
 
 
 def unit_differences(record: Record, pump: PumpLines | None, lost: Collection[str] = ()) -> list[QualityFinding]:
@@ -67,7 +69,7 @@ def _skewed(record: Record, pump: PumpLines, one: Signal, other: Signal) -> list
 def _parted(record: Record, spans: Spans, tap: str, one: Signal, other: Signal) -> list[QualityFinding]:
     size = max(round(_MEANS * one.rate), 1)
     count = one.values.size // size
-    if count < 3:
+    if count < 3 or not one.rate >= _SLOWEST:
         return []
     difference = (other.values - one.values)[: count * size].reshape(count, size).mean(axis=1)
     away = difference - float(np.median(difference))
