@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.rigs.rap.alignment.clock import Clock
+from pipeline.rigs.rap.alignment.features import step_gain
 from pipeline.rigs.rap.alignment.fine import Fine, Rows, fit_ratios, model_of, rows_of
 from pipeline.rigs.rap.alignment.pair import Pair
 from pipeline.rigs.rap.alignment.result import Coarse, Track
@@ -22,8 +23,8 @@ from pipeline.rigs.rap.tables import Signal
 _WINDOW, _SHORTEST, _LONG, _EVERY = 15.0, 5.0, 3600.0, 30.0
 # What the pump needs to be up to speed, s.
 _SETTLES = 1.0
-# Two channels of one pressure differ in the size of their lines by no more than that.
-_GAIN = (0.7, 1.4)
+# Two channels of one pressure differ in the size of their lines by no more than that, or in that of their steps.
+_GAIN, _STEPS = (0.7, 1.4), (0.85, 1.18)
 # A pole to start from, s; the coarse lag is right to that, s.
 _POLE, _COARSE = 0.02, 0.05
 _FEWEST_ROWS, _FEWEST_WINDOWS = 6, 2
@@ -85,7 +86,7 @@ def by_lines(pairs: Sequence[Pair], coarse: Coarse, bench_pole: float) -> ByLine
     _, even = _better_stamps(chosen.device, strokes, clock)
     bench = [_lines_of(pair.bench, strokes, None, bench_even) for pair in pairs]
     device = [_lines_of(pair.device, strokes, clock, even) for pair in pairs]
-    kept, strange = _alike_in_size(pairs, device, bench)
+    kept, strange = _alike_in_size(pairs, device, bench, coarse.lag)
     rows = rows_of([device[i] for i in kept], [bench[i] for i in kept], strokes, reference)
     if rows.size < _FEWEST_ROWS or np.unique(rows.window).size < _FEWEST_WINDOWS:
         return None
@@ -204,18 +205,23 @@ def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def _alike_in_size(
-    pairs: Sequence[Pair], device: Sequence[Lines], bench: Sequence[Lines]
+    pairs: Sequence[Pair], device: Sequence[Lines], bench: Sequence[Lines], lag: float
 ) -> tuple[list[int], tuple[str, ...]]:
-    """Return the numbers of the pairs whose lines are about the same size on both sides, and the names of the others."""
+    """Return the numbers of the pairs that are about the same size on both sides, and the names of the others.
+
+    A slow sensor makes lines small and leaves steps as they are: a pair is strange where both are off.
+    """
     kept, strange = [], []
     for i, (pair, ours, theirs) in enumerate(zip(pairs, device, bench, strict=True)):
         with np.errstate(invalid="ignore", divide="ignore"):
             strong = np.abs(theirs.amplitude[:, 0]) > 10.0 * theirs.error[:, 0]
             size = np.abs(ours.amplitude[:, 0] / theirs.amplitude[:, 0])[strong]
         size = size[np.isfinite(size)]
-        if size.size and _GAIN[0] < float(np.median(size)) < _GAIN[1]:
+        if not size.size:
+            continue
+        if _GAIN[0] < float(np.median(size)) < _GAIN[1] or _STEPS[0] < step_gain(pair, lag) < _STEPS[1]:
             kept.append(i)
-        elif size.size:
+        else:
             strange.append(pair.name)
     return kept or list(range(len(pairs))), tuple(strange) if kept else ()
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.rigs.rap.alignment.pair import Pair
 from pipeline.rigs.rap.tables import Signal
 
 STEP = 0.1
@@ -68,6 +69,18 @@ def _integral(time: np.ndarray, values: np.ndarray, area: np.ndarray, at: np.nda
     ahead = at - time[k]
     slope = (values[k + 1] - values[k]) / (time[k + 1] - time[k])
     return np.asarray(area[k] + ahead * (values[k] + 0.5 * slope * ahead))
+
+
+def step_gain(pair: Pair, lag: float) -> float:
+    """Return how large steps of the device are over those of the bench, 1; NaN where nothing steps."""
+    device, bench = course(pair.device), course(pair.bench)
+    at = bench.start + bench.step * np.arange(bench.slope.size) - lag
+    grid = device.start + device.step * np.arange(device.slope.size)
+    seen = np.interp(at, grid, device.slope, left=0.0, right=0.0)
+    usual = float(np.median(np.abs(bench.slope)))
+    steps = (np.abs(bench.slope) > 8.0 * usual) & bench.known & (at > grid[0]) & (at < grid[-1])
+    power = float(bench.slope[steps] @ bench.slope[steps])
+    return float(seen[steps] @ bench.slope[steps]) / power if power > 0 else float("nan")
 
 
 def correlation(device: Course, bench: Course, lowest: float, highest: float) -> tuple[np.ndarray, np.ndarray]:

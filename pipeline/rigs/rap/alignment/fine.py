@@ -111,21 +111,21 @@ def fit_ratios(rows: Rows, start: tuple[float, float], tau_b: float, *, with_rat
     with_rate
         Whether the windows lie far enough apart to tell a rate.
     """
+    apart = _settled(rows, start, tau_b, with_rate, separate=True)
+    if len(apart.pairs) > 1 and _differ(apart.fit, apart.pairs):
+        return apart
+    return _settled(rows, start, tau_b, with_rate, separate=False)
+
+
+def _settled(rows: Rows, start: tuple[float, float], tau_b: float, with_rate: bool, separate: bool) -> Fine:
+    """Return the fit with each line weighted by its own scatter and strays left out."""
     used = np.ones(rows.size, dtype=bool)
+    found = _fitted(rows, used, start, tau_b, with_rate, separate)
     scaled = rows
-    found = _fitted(scaled, used, start, tau_b, with_rate, separate=False)
     for _ in range(2):
-        scaled, used = _reweighted(rows, found, tau_b)
-        found = _fitted(scaled, used, start, tau_b, with_rate, separate=False)
-    common = Fine(found, scaled, used, model_of(rows, found.values, tau_b, separate=False), separate=False)
-    if len(common.pairs) < 2:
-        return common
-    apart = _fitted(scaled, used, start, tau_b, with_rate, separate=True)
-    if not _differ(apart, common.pairs):
-        return common
-    scaled, used = _reweighted(rows, apart, tau_b, separate=True)
-    apart = _fitted(scaled, used, start, tau_b, with_rate, separate=True)
-    return Fine(apart, scaled, used, model_of(rows, apart.values, tau_b, separate=True), separate=True)
+        scaled, used = _reweighted(rows, found, tau_b, separate)
+        found = _fitted(scaled, used, start, tau_b, with_rate, separate)
+    return Fine(found, scaled, used, model_of(rows, found.values, tau_b, separate), separate)
 
 
 def _fitted(
@@ -175,7 +175,7 @@ def _covariance(found: Fit, window: np.ndarray) -> Covariance:
         return found.covariance
 
 
-def _reweighted(rows: Rows, found: Fit, tau_b: float, separate: bool = False) -> tuple[Rows, np.ndarray]:
+def _reweighted(rows: Rows, found: Fit, tau_b: float, separate: bool) -> tuple[Rows, np.ndarray]:
     """Return the rows with the scatter that each line of each pair shows, and which of them are not astray."""
     model = model_of(rows, found.values, tau_b, separate)
     off = np.abs(rows.ratio - model) / rows.sd

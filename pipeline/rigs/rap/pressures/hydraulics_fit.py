@@ -274,7 +274,7 @@ def _blocks(means: LevelMeans, used: np.ndarray) -> np.ndarray:
     for level in np.unique(means.level):
         at = np.flatnonzero(means.level == level)
         number[at] = 1000 * level + np.arange(at.size) // _BLOCK
-    return number[used]
+    return np.asarray(number[used])
 
 
 def _coefficient(
