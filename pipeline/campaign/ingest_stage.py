@@ -80,7 +80,7 @@ def ingest(
         else:
             tasks[entry.run] = task
     sizes = sum(path.stat().st_size for task in tasks.values() for _, path in task.files)
-    for run, outcome in in_parallel(_read_one, [(task, folder) for task in tasks.values()], work=sizes):
+    for run, outcome in in_parallel(_read_one, [(task, folder.resolve()) for task in tasks.values()], work=sizes):
         if isinstance(outcome, str):
             failed[run] = outcome
         else:
@@ -139,7 +139,8 @@ def _prepare(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Pat
         "conditions": [dict(conditions.values), dict(conditions.sources)],
     }
     key = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
-    return _Task(entry.run, entry.files, shown, recipe, conditions, key)
+    files = tuple((stream, path.resolve()) for stream, path in entry.files)
+    return _Task(entry.run, files, shown, recipe, conditions, key)
 
 
 def _read_one(task: _Task, folder: Path) -> tuple[str, dict[str, str] | str]:

@@ -1,10 +1,12 @@
-"""Independent work on runs: on the local cores through joblib, one after the other where it is little."""
+"""Independent work on runs: on the local cores through joblib, one after the other where it is little, or on a cluster."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
+
+from pipeline.campaign.cluster import VARIABLE, on_cluster
 
 Result = TypeVar("Result")
 
@@ -20,6 +22,10 @@ def in_parallel(function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]
     work
         Bytes to be read in all, which decides whether worker processes are worth their start.
     """
+    engine = os.environ.get(VARIABLE, "").strip()
+    if engine and tasks:
+        yield from on_cluster(engine, function, tasks)
+        return
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     if cores == 1 or len(tasks) < 2 or work < WORTH_WORKERS:
         for task in tasks:
