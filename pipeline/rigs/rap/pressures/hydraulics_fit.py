@@ -13,11 +13,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
-from pipeline.estimation.uncertainty import effective_size
 from pipeline.rigs.rap.circuit.hydraulics import Circuit
-from pipeline.rigs.rap.pressures.agreement import jackknifed
 from pipeline.rigs.rap.pressures.level_means import LevelMeans, level_means
 from pipeline.rigs.rap.pressures.levels import Level
+from pipeline.rigs.rap.pressures.resistances import (
+    Proportion,
+    blood_flow,
+    coefficient,
+    resistance,
+    ultrafiltration,
+    zeros,
+)
 from pipeline.rigs.rap.pressures.return_line import ReturnLine, fit_return_line, ratios_of
 from pipeline.rigs.rap.pressures.uf_steps import UfSteps, uf_steps
 from pipeline.rigs.rap.tables import Signal
@@ -28,10 +34,8 @@ UNOBSERVABLE = {
     "c_access": "C_a rings with L_a for 0.4 s only when the pump stops fast; a ramp of 0.3 to 0.5 s hides it",
     "l_access": "L_a rings with C_a for 0.4 s only when the pump stops fast; a ramp of 0.3 to 0.5 s hides it",
 }
-# Below this ultrafiltration counts as off: m^3/s where it is logged, Pa of transmembrane pressure where it is not.
-_UF_OFF, _TMP_OFF = 1e-9, 150.0
-_FEWEST = 3
-_BLOCK = 2
+# Time constants of the ultrafiltrate side after which what is left of a step is lost in the noise.
+_SETTLED = 5.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,24 +97,6 @@ class Hydraulics:
     circuit: Circuit | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class _Slope:
-    """A proportion found: value, its values with each block left out (b,), error of the zero (relative)."""
-
-    value: float
-    left_out: np.ndarray
-    zero: float
-
-    @property
-    def relative(self) -> float:
-        spread = float(jackknifed(self.left_out[:, None])[0, 0])
-        return math.hypot(math.sqrt(spread) / abs(self.value), self.zero)
-
-    @property
-    def dof(self) -> float:
-        return float(max(self.left_out.size - 1, 1))
-
-
 def fit_hydraulics(readings: Readings, levels: Sequence[Level]) -> Hydraulics:
     """Return the constants of the circuit.
 
@@ -125,22 +111,23 @@ def fit_hydraulics(readings: Readings, levels: Sequence[Level]) -> Hydraulics:
     signals = dict(taps) | ({"flow": readings.meter} if readings.meter is not None else {})
     strokes = next((taps[tap] for tap in ("prefilter", "return", "access") if tap in taps), next(iter(taps.values())))
     means = level_means(signals, strokes, levels)
-    zero, zero_sd = _zeros(readings, levels)
+    zero, zero_sd = zeros(taps, levels)
+    switched = _switched(readings, levels)
+    means = _settled(means, levels, switched)
     p = {tap: means.mean[tap] - zero.get(tap, 0.0) for tap in taps}
-    uf = _uf_flow(means, levels, p)
-    flow = _blood_flow(means, readings.location, uf)
-    slopes: dict[str, _Slope | str] = {
-        "r_access": _resistance(means, p, zero_sd, flow, ("access",), flow, bool(zero)),
-        "r_filter": _resistance(means, p, zero_sd, flow, ("prefilter", "return"), flow - 0.5 * uf, bool(zero)),
-        "r_return": _resistance(means, p, zero_sd, flow, ("return",), flow - uf, bool(zero)),
-        "k_uf": _coefficient(means, p, uf, zero_sd),
+    uf = ultrafiltration(means, levels, p)
+    flow = blood_flow(means, readings.location, uf)
+    slopes: dict[str, Proportion | str] = {
+        "r_access": resistance(means, p, zero_sd, flow, ("access",), flow, bool(zero)),
+        "r_filter": resistance(means, p, zero_sd, flow, ("prefilter", "return"), flow - 0.5 * uf, bool(zero)),
+        "r_return": resistance(means, p, zero_sd, flow, ("return",), flow - uf, bool(zero)),
+        "k_uf": coefficient(means, p, uf, zero_sd),
     }
     if readings.meter is None:
         for name in ("r_access", "r_filter", "r_return"):
             slopes[name] = "there is no flow meter (blood_flow_bench): pressures alone tell no resistance"
     b = _TypeB(readings)
     found = {name: _told(name, slope, b) for name, slope in slopes.items()}
-    switched = _switched(readings, levels)
     K = slopes["k_uf"]
     found["c_uf"] = _c_uf(switched, K, b)
     line, circuit, two = _return_line(readings, levels, slopes, switched, b)
@@ -148,6 +135,14 @@ def fit_hydraulics(readings: Readings, levels: Sequence[Level]) -> Hydraulics:
     return Hydraulics(
         {name: found[name] for name in NAMES}, dict(UNOBSERVABLE), means, flow, uf, zero, line, switched, circuit
     )
+
+
+def _settled(means: LevelMeans, levels: Sequence[Level], switched: UfSteps | None) -> LevelMeans:
+    """Return the windows in which the ultrafiltrate side has settled: some time constants behind a change."""
+    if switched is None:
+        return means
+    begin = np.array([levels[i].begin for i in means.level])
+    return means.of(means.windows.start >= begin + _SETTLED * switched.tau)
 
 
 class _TypeB:
@@ -169,7 +164,7 @@ class _TypeB:
         return u, f"gain of {what} and pressures taken as exact, their uncertainty not being stated"
 
 
-def _told(name: str, slope: _Slope | str, b: _TypeB) -> Estimate:
+def _told(name: str, slope: Proportion | str, b: _TypeB) -> Estimate:
     if isinstance(slope, str):
         return undetermined(name, slope)
     u, words = b.of(name)
@@ -184,138 +179,6 @@ def _told(name: str, slope: _Slope | str, b: _TypeB) -> Estimate:
     )
 
 
-def _zeros(readings: Readings, levels: Sequence[Level]) -> tuple[dict[str, float], dict[str, float]]:
-    """Return by tap what it reads while the pumps stand and the standard error of that, Pa; empty where they never do."""
-    zero, sd = {}, {}
-    at_rest = [level for level in levels if level.steady and not level.turning and not (level.uf_set or 0.0) > _UF_OFF]
-    for tap, signal in readings.taps.items():
-        inside = np.zeros(signal.time.size, dtype=bool)
-        for level in at_rest:
-            inside |= (signal.time >= level.start) & (signal.time <= level.end)
-        if inside.sum() >= 20:
-            values = signal.values[inside]
-            zero[tap] = float(values.mean())
-            sd[tap] = float(values.std(ddof=1)) / math.sqrt(effective_size(values))
-    return (zero, sd) if len(zero) == len(readings.taps) else ({}, {})
-
-
-def _uf_flow(means: LevelMeans, levels: Sequence[Level], p: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the ultrafiltration in each window, m^3/s; where it is not logged, 0 where no pressure drives any, else NaN."""
-    flow = np.array([np.nan if levels[i].uf_set is None else levels[i].uf_set for i in means.level], dtype=float)
-    if {"prefilter", "return", "uf"} <= set(p):
-        tmp = 0.5 * (p["prefilter"] + p["return"]) - p["uf"]
-        flow = np.where(np.isnan(flow) & (np.abs(tmp) < _TMP_OFF), 0.0, flow)
-    return np.asarray(flow)
-
-
-def _blood_flow(means: LevelMeans, location: str | None, uf: np.ndarray) -> np.ndarray:
-    """Return the flow of blood before the filter in each window; NaN where the meter's place leaves it open."""
-    if "flow" not in means.mean:
-        return np.full(means.level.size, np.nan)
-    metered = means.mean["flow"]
-    if location == "access":
-        return np.asarray(metered)
-    if location == "return":
-        return np.asarray(metered + uf)
-    # Not stated: both places read the same where nothing is drawn off.
-    return np.where(np.abs(uf) < _UF_OFF, metered, np.nan)
-
-
-def _resistance(
-    means: LevelMeans,
-    p: Mapping[str, np.ndarray],
-    zero_sd: Mapping[str, float],
-    flow: np.ndarray,
-    taps: tuple[str, ...],
-    q: np.ndarray,
-    zeroed: bool,
-) -> _Slope | str:
-    """Return the resistance from the drop at `taps` over the flow `q`, by windows; or why there is none."""
-    missing = [tap for tap in taps if tap not in p]
-    if missing:
-        return f"the pressure {' and '.join(missing)} is missing or left out"
-    sign = -1.0 if taps == ("access",) else 1.0
-    drop = sign * (p[taps[0]] - (p[taps[1]] if len(taps) > 1 else 0.0))
-    used = means.turning & np.isfinite(drop) & np.isfinite(q) & (np.abs(q) > 1e-8)
-    if used.sum() < _FEWEST:
-        known = np.isfinite(flow[means.turning]).any() if means.turning.any() else False
-        return (
-            "the pump turns in too few steady windows of 10 s"
-            if known or not means.turning.any()
-            else "the flow before the filter is open while fluid is drawn off: state flowmeter_location (access or return), or run without ultrafiltration"
-        )
-    x, y, block = q[used], drop[used], _blocks(means, used)
-    levels_apart = float(np.ptp(x)) > 0.15 * float(np.abs(x).mean())
-    if not zeroed and not levels_apart:
-        return "the pump never stands and turns at one speed only: the zero of the sensors cannot be told from the drop; stop the pump for 20 s"
-    through = zeroed
-    value = _slope(x, y, through)
-    left_out = np.array([_slope(x[block != b], y[block != b], through) for b in np.unique(block)])
-    if left_out.size < 3 or not np.all(np.isfinite(left_out)):
-        return "the pump turns in too few steady windows of 10 s"
-    off = math.sqrt(sum(zero_sd.get(tap, 0.0) ** 2 for tap in taps)) * float(x.sum() / (x @ x)) if through else 0.0
-    return (
-        _Slope(value, left_out, abs(off / value))
-        if value > 0
-        else "the pressure does not rise with the flow: check signs and channels"
-    )
-
-
-def _slope(x: np.ndarray, y: np.ndarray, through: bool) -> float:
-    if through:
-        return float(x @ y / (x @ x))
-    u = x - x.mean()
-    return float(u @ y / (u @ u)) if float(u @ u) > 0 else math.nan
-
-
-def _blocks(means: LevelMeans, used: np.ndarray) -> np.ndarray:
-    """Return to which block of neighbouring windows each used window belongs, shape (used,)."""
-    number = np.zeros(means.level.size, dtype=int)
-    for level in np.unique(means.level):
-        at = np.flatnonzero(means.level == level)
-        number[at] = 1000 * level + np.arange(at.size) // _BLOCK
-    return np.asarray(number[used])
-
-
-def _coefficient(
-    means: LevelMeans, p: Mapping[str, np.ndarray], uf: np.ndarray, zero_sd: Mapping[str, float]
-) -> _Slope | str:
-    """Return K_uf from the transmembrane pressure with the ultrafiltration on, against that with it off or at rest."""
-    missing = [tap for tap in ("prefilter", "return", "uf") if tap not in p]
-    if missing:
-        return f"the pressure {' and '.join(missing)} is missing or left out: there is no transmembrane pressure"
-    tmp = 0.5 * (p["prefilter"] + p["return"]) - p["uf"]
-    used = means.turning & np.isfinite(tmp) & np.isfinite(uf)
-    on, off = used & (uf > _UF_OFF), used & (np.abs(uf) <= _UF_OFF)
-    if on.sum() < _FEWEST:
-        return "the ultrafiltration was never on (uf_flow_set), or is not logged: nothing passes the membrane"
-    if not off.any() and not zero_sd:
-        return "the ultrafiltration is never off and the pump never stands: the zero of the transmembrane pressure is not known"
-    block = _blocks(means, used)
-    x, y, is_off = uf[used], tmp[used], off[used]
-
-    def value(kept: np.ndarray) -> float:
-        zero = float(y[kept & is_off].mean()) if off.any() and (kept & is_off).any() else 0.0
-        drawn = kept & ~is_off
-        return float(x[drawn] @ x[drawn] / (x[drawn] @ (y[drawn] - zero))) if drawn.any() else math.nan
-
-    whole = value(np.ones(x.size, dtype=bool))
-    left_out = np.array([value(block != b) for b in np.unique(block)])
-    if left_out.size < 3 or not np.all(np.isfinite(left_out)):
-        return "the ultrafiltration was on in too few steady windows of 10 s"
-    sd = zero_sd or {}
-    zero = 0.0
-    if not off.any():
-        zero = (
-            math.sqrt(0.25 * sd["prefilter"] ** 2 + 0.25 * sd["return"] ** 2 + sd["uf"] ** 2) * whole / float(x.mean())
-        )
-    return (
-        _Slope(whole, left_out, zero)
-        if whole > 0
-        else "the transmembrane pressure does not rise with the ultrafiltration: check signs and channels"
-    )
-
-
 def _switched(readings: Readings, levels: Sequence[Level]) -> UfSteps | None:
     taps = readings.taps
     if not {"prefilter", "return", "uf"} <= set(taps):
@@ -326,7 +189,7 @@ def _switched(readings: Readings, levels: Sequence[Level]) -> UfSteps | None:
     return uf_steps(Signal("blood_side", pre.time, 0.5 * (pre.values + back)), taps["uf"], levels)
 
 
-def _c_uf(switched: UfSteps | None, K: _Slope | str, b: _TypeB) -> Estimate:
+def _c_uf(switched: UfSteps | None, K: Proportion | str, b: _TypeB) -> Estimate:
     if isinstance(K, str):
         return undetermined("c_uf", f"it needs K_uf: {K}")
     if switched is None:
@@ -348,7 +211,11 @@ def _c_uf(switched: UfSteps | None, K: _Slope | str, b: _TypeB) -> Estimate:
 
 
 def _return_line(
-    readings: Readings, levels: Sequence[Level], slopes: Mapping[str, _Slope | str], switched: UfSteps | None, b: _TypeB
+    readings: Readings,
+    levels: Sequence[Level],
+    slopes: Mapping[str, Proportion | str],
+    switched: UfSteps | None,
+    b: _TypeB,
 ) -> tuple[ReturnLine | None, Circuit | None, dict[str, Estimate]]:
     names = ("c_return", "l_return")
     R_f, R_r, K = slopes["r_filter"], slopes["r_return"], slopes["k_uf"]
@@ -356,7 +223,7 @@ def _return_line(
         why = R_f if isinstance(R_f, str) else R_r
         return None, None, {name: undetermined(name, f"it needs R_f and R_r: {why}") for name in names}
     usual = Circuit()
-    k_uf = K.value if isinstance(K, _Slope) else usual.K_uf
+    k_uf = K.value if isinstance(K, Proportion) else usual.K_uf
     tau = switched.tau if switched is not None else usual.C_u / usual.K_uf
     circuit = Circuit(R_f=R_f.value, R_r=R_r.value, K_uf=k_uf, C_u=tau * k_uf)
     poles = (readings.poles.get("return", 0.0), readings.poles.get("prefilter", 0.0))
@@ -367,7 +234,7 @@ def _return_line(
     line = fit_return_line(ratios, circuit)
     known = {"R_f": R_f.relative, "R_r": R_r.relative}
     # Without switches or ultrafiltration the membrane's share rests on usual constants: half of each is what is not known.
-    known["K_uf"] = K.relative if isinstance(K, _Slope) else 0.5
+    known["K_uf"] = K.relative if isinstance(K, Proportion) else 0.5
     known["C_u"] = switched.sd / switched.tau if switched is not None else 0.5
     together = (
         float(np.mean((R_f.left_out / R_f.value - 1.0) * (R_r.left_out / R_r.value - 1.0)))

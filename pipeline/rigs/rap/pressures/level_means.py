@@ -41,6 +41,11 @@ class LevelMeans:
     frequency: np.ndarray
     mean: Mapping[str, np.ndarray]
 
+    def of(self, kept: np.ndarray) -> LevelMeans:
+        """Return the windows at `kept`, a mask of shape (w,)."""
+        mean = {name: values[kept] for name, values in self.mean.items()}
+        return LevelMeans(self.windows.of(kept), self.level[kept], self.turning[kept], self.frequency[kept], mean)
+
 
 def level_means(signals: Mapping[str, Signal], strokes: Signal, levels: Sequence[Level]) -> LevelMeans:
     """Return the means of signals of one clock.
