@@ -199,7 +199,7 @@ def test_air_at_a_transducer_that_comes_in_the_run_is_told_with_its_moment() -> 
         return np.where(np.arange(p.size) > 2600, late, p)
 
     findings = found(changed(usual(), pressure_prefilter_rap=soft))
-    assert "compliance changed; E2 invalid" in messages(findings)
+    assert "Compliance changed; E2 invalid" in messages(findings)
     assert findings.verdict == "warning"
 
 
@@ -228,7 +228,7 @@ def test_run_without_bench_gives_hydraulics_only() -> None:
     bench = [name for name in (c.name for c in usual()) if name.startswith("pressure_") and name.endswith("_bench")]
     findings = found(without(usual(), *bench))
     assert findings.one("gain", channel="access").value is None
-    assert "no pressure_access_bench" in findings.one("gain", channel="access").description
+    assert "no bench pressure" in findings.one("gain", channel="access").description
     assert findings.one("r_return").value == pytest.approx(1.4e9, rel=0.03)
 
 
