@@ -20,6 +20,7 @@ NAMES = (
     "tpjb_rotating",
     "tire_ring",
     "tire_drive",
+    "rap_therapy",
 )
 
 
