@@ -217,3 +217,25 @@ def test_a_hole_in_the_log_is_no_stop_of_the_pump():
     found = alarm_numbers(holed)
     assert found.alarms == ()
     assert [s.state for s in found.states] == ["READY", "THERAPY"]
+
+
+def _slow(recording, averaged):
+    """Return the recording once a second: its samples, or the means of its seconds."""
+    stream = recording.streams["device"]
+    n = stream.time.size // 20
+    pick = (lambda v: v[: n * 20].reshape(n, 20).mean(axis=1)) if averaged else (lambda v: v[19 : n * 20 : 20])
+    channels = {name: type(c)(name, pick(c.values), c.unit) for name, c in stream.channels.items()}
+    return type(recording)("run", {"device": type(stream)("device", stream.time[19 : n * 20 : 20], channels)}, {})
+
+
+def test_means_of_seconds_are_enough_and_aliased_samples_are_not():
+    recording = device(1500.0, factors=[("return", 2.5, 900.0, 940.0)], skew=0.01)
+    assert _codes(_slow(recording, averaged=True)) == ["RETURN_OCCLUDED"]
+    found = alarm_numbers(_slow(recording, averaged=False))
+    assert all("OCCLUDED" not in alarm.code and "DISCONNECTED" not in alarm.code for alarm in found.alarms)
+    assert any("20 Hz" in problem.message for problem in found.problems)
+
+
+def test_the_alarm_of_the_return_line_says_that_clotting_looks_alike():
+    alarm = alarm_numbers(device(factors=[("return", 2.5, 200.0, 240.0)])).alarms[0]
+    assert "occlusion and clotting look alike" in alarm.cause

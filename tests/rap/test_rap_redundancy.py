@@ -180,3 +180,16 @@ def test_means_of_seconds_end_where_the_second_ends():
     assert ends.tolist() == [1.0, 2.0, 3.0]
     assert means.tolist() == [2.0, 5.0, 2.0]
     assert size[0] == pytest.approx(np.sqrt(5.0))
+
+
+def test_noisy_converters_widen_the_allowance_and_a_slow_log_is_not_compared():
+    rng = np.random.default_rng(3)
+    control, protective = _pair(skew=0.0)
+    noisy = Signal("prot", protective.time, protective.values + 150.0 * rng.standard_normal(protective.time.size))
+    found = _found([control, noisy])
+    assert found.mismatches == ()
+    assert any("widened" in problem.message for problem in found.problems)
+    slow = [Signal(s.name, s.time[::20], s.values[::20]) for s in _pair(1800.0, skew=0.015)]
+    found = _found(slow)
+    assert found.mismatches == ()
+    assert any("20 Hz" in problem.message for problem in found.problems)

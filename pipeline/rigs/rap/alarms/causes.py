@@ -80,6 +80,7 @@ def _of_ratios(log: DeviceLog, found: RatioResult, limits: AlarmLimits) -> list[
             inside = r[(time >= start) & (time <= end)]
             extreme = float(np.nanmax(inside) if above else np.nanmin(inside))
             words = f"{_SYMBOLS[name]} {'up to' if above else 'down to'} {extreme:.2f} of the baseline"
+            words += "; occlusion and clotting look alike" if code == "RETURN_OCCLUDED" else ""
             error = _crossing_error(time, r, start, ratios.noise[name], step)
             out.append(Cause(code, start, due, _gone(end, float(time[-1]), found), words, error))
     return out

@@ -20,7 +20,7 @@ _NOISE = 60.0
 # The pump runs where the pulsation is this share of its usual size.
 _SHARE = 0.3
 # A pulsation slower than this is not seen in 1 s, Hz.
-_RATE_NEEDED = 5.0
+RATE_NEEDED = 5.0
 # A standstill or a burst shorter than this is a ragged edge of the pulsation, s.
 _RAGGED = 1.5
 # What the device wrote of a start or stop stands no further than this from what pressures show, s.
@@ -67,7 +67,7 @@ def _on(log: DeviceLog, grid: np.ndarray) -> tuple[np.ndarray, str]:
         s
         for tap in ("prefilter", "return", "access")
         for s in (log.control.get(tap), log.protective.get(tap))
-        if s is not None and s.time.size > 1 and s.rate >= _RATE_NEEDED
+        if s is not None and s.time.size > 1 and s.rate >= RATE_NEEDED
     ]
     relative = np.full(grid.size, np.nan)
     seen = False

@@ -11,19 +11,18 @@ import numpy as np
 
 from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.alarms.limits import AlarmLimits
-from pipeline.rigs.rap.alarms.pump import PumpRun, pump_run
+from pipeline.rigs.rap.alarms.pump import RATE_NEEDED, PumpRun, pump_run
 from pipeline.rigs.rap.alarms.results import RATIOS, DeviceLog, Ratios
 from pipeline.rigs.rap.alarms.spans import since, spans
 from pipeline.rigs.rap.alarms.strokes import averaging
 from pipeline.rigs.rap.alarms.windows import held, trailing_mean
+from pipeline.rigs.rap.alarms.zeros import zeros
 from pipeline.rigs.rap.conditions import TAP_NAMES, TAPS
 
 # The baseline is what the first minutes of running say, s.
 _FIRST = 300.0
 # A change of the set-point may be logged this long after the pump has followed it, s.
 _LOGGED_AFTER = 1.0
-# After the pump stops, pressures level out; a standstill is read this long after, s.
-_SETTLED = 8.0
 # After a start or a change of the ultrafiltration the transmembrane pressure levels out, s.
 _UF_SETTLED = 10.0
 # P_uf moving by more than this share of the usual TMP a second says that the membrane is not in balance.
@@ -31,7 +30,7 @@ _UF_MOVING = 0.1
 # Where every line's resistance is below this share of its baseline, the flow is less than set.
 _ALL_LOW = 0.75
 # Ratios that scatter more than this are no ground for an alarm.
-_NOISE_MOST = 0.15
+_NOISE_MOST = 0.10
 _MEANT = {"access": "access line", "filter": "filter", "return": "return line", "membrane": "membrane"}
 _TAPS_OF = {"access": ("access",), "filter": ("prefilter", "return"), "return": ("return",), "membrane": ("prefilter", "return", "uf")}  # fmt: skip
 
@@ -61,7 +60,7 @@ def pressure_ratios(log: DeviceLog, limits: AlarmLimits) -> RatioResult:
     problems: list[QualityFinding] = []
     if not pump.on.any():
         return RatioResult(None, pump, grid, means, (), "the blood pump never runs in this log")
-    zero = {tap: _zero(grid, mean, pump, uf, log.run, tap, problems) for tap, mean in means.items()}
+    zero = zeros(grid, means, pump, uf, log.run, problems)
     zeroed = {tap: mean - zero[tap] for tap, mean in means.items()}
     raw = _resistances(zeroed, pump.flow, uf, uf_known)
     starts = np.array([start for start, _ in pump.running])
@@ -171,34 +170,6 @@ def _resistances(
         }
 
 
-def _zero(
-    grid: np.ndarray,
-    mean: np.ndarray,
-    pump: PumpRun,
-    uf: np.ndarray,
-    run: str,
-    tap: str,
-    problems: list[QualityFinding],
-) -> float:
-    stops = np.array([end for _, end in pump.running])
-    starts = np.array([start for start, _ in pump.running])
-    still = ~pump.on & (since(grid, stops) >= _SETTLED) & np.isfinite(mean)
-    ahead = (
-        starts[np.minimum(np.searchsorted(starts, grid), starts.size - 1)] - grid
-        if starts.size
-        else np.full(grid.size, np.inf)
-    )
-    still &= (ahead > 1.0) | (ahead <= 0.0)
-    if tap == "uf":
-        still &= uf <= 0.0
-    before = still & (grid < starts[0])
-    used = before if before.sum() >= 20 else still
-    if not used.any():
-        problems.append(_told(run, f"the {TAP_NAMES[tap]} pressure cannot be zeroed: the log holds no standstill of the blood pump; ratios are formed with it as it stands"))  # fmt: skip
-        return 0.0
-    return float(np.median(mean[used]))
-
-
 def _baseline(grid: np.ndarray, raw: np.ndarray, judged: np.ndarray, limits: AlarmLimits) -> tuple[float, str]:
     """Return the baseline of a resistance and what is doubtful about it ('' for nothing).
 
@@ -232,11 +203,20 @@ def densest(values: np.ndarray) -> float:
 
 
 def _scatter(grid: np.ndarray, ratio: np.ndarray) -> float:
-    """Return the standard deviation of the ratio from one second to the next, which steps do not inflate."""
-    step = max(round(1.0 / float(np.median(np.diff(grid)))), 1)
-    changes = np.abs(ratio[step:] - ratio[:-step])
+    """Return the standard deviation of the ratio from one second to the next, which steps do not inflate.
+
+    A log too slow for the pulsation may carry it as a slow wave that seconds do not show: there the spread of the whole
+    run counts.
+    """
+    step = float(np.median(np.diff(grid)))
+    every = max(round(1.0 / step), 1)
+    changes = np.abs(ratio[every:] - ratio[:-every])
     changes = changes[np.isfinite(changes)]
-    return float(np.median(changes) / 0.6745 / np.sqrt(2.0)) if changes.size else 0.0
+    scatter = float(np.median(changes) / 0.6745 / np.sqrt(2.0)) if changes.size else 0.0
+    known = ratio[np.isfinite(ratio)]
+    if 1.0 / step >= RATE_NEEDED or known.size == 0:
+        return scatter
+    return max(scatter, float(np.median(np.abs(known - np.median(known))) / 0.6745))
 
 
 def _in_balance(grid: np.ndarray, zeroed: dict[str, np.ndarray], ratio: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pipeline.recording import Recording
 from pipeline.rigs.rap.alarms.results import DeviceLog
 from pipeline.rigs.rap.conditions import TAPS, pressure
-from pipeline.rigs.rap.tables import Signal, entries, signal
+from pipeline.rigs.rap.tables import Entry, Signal, entries, signal
 
 FLAGS = ("air_detected", "blood_leak_detected", "estop_pressed", "watchdog_ok", "clamp_closed", "drain_pressed")
 
@@ -22,11 +22,16 @@ def device_log(recording: Recording) -> DeviceLog:
         uf_set=signal(recording, "uf_flow_set"),
         uf_command=signal(recording, "uf_pump_command"),
         flags=_by_name(recording, {name: name for name in FLAGS}),
-        states=tuple(entries(recording, "therapy_state")),
+        states=_changes(entries(recording, "therapy_state")),
         codes=tuple(entries(recording, "alarm_code")),
         warnings=tuple(entries(recording, "warning_code")),
         lists_codes="alarm_code" in recording,
     )
+
+
+def _changes(rows: list[Entry]) -> tuple[Entry, ...]:
+    """Return the rows at which the word becomes another one: a state may be logged every second."""
+    return tuple(row for i, row in enumerate(rows) if i == 0 or row.text != rows[i - 1].text)
 
 
 def _by_name(recording: Recording, channels: dict[str, str]) -> dict[str, Signal]:

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.recording import QualityFinding
-from pipeline.rigs.rap.alarms.cusum import threshold_onsets
+from pipeline.rigs.rap.alarms.cusum import second_means, threshold_onsets
 from pipeline.rigs.rap.alarms.frozen import LONGEST, frozen_spans
 from pipeline.rigs.rap.alarms.limits import MismatchLimits
 from pipeline.rigs.rap.alarms.mismatch_watch import watched
+from pipeline.rigs.rap.alarms.pump import RATE_NEEDED
 from pipeline.rigs.rap.alarms.rates import rate
 from pipeline.rigs.rap.alarms.results import Mismatch, Redundancy
 from pipeline.rigs.rap.alarms.skew import skew_of
@@ -19,6 +20,10 @@ from pipeline.rigs.rap.conditions import TAP_NAMES
 from pipeline.rigs.rap.tables import Signal
 from pipeline.signals.resampling import interpolated
 
+# Seconds that scatter by more than this share of the allowance make the cumulative sums wander.
+_STEADY = 0.75
+# A threshold this many standard deviations of the samples out is seldom crossed three times in a row.
+_CLEAR = 4.0
 # A skew this large makes the raw difference pulsate noticeably, s.
 _SKEW_TOLD = 2e-3
 
@@ -48,6 +53,24 @@ def redundancy(run: str, tap: str, control: Signal, protective: Signal, limits: 
     for mismatch in still:
         kept[(grid >= mismatch.onset) & (grid <= (mismatch.end or grid[-1]))] = np.nan
     noise = 1.4826 * float(np.nanmedian(np.abs(kept - np.nanmedian(kept)))) if np.isfinite(kept).any() else float("nan")
+    scatter, slow = _scatter(grid, kept)
+    problems = list(_of_skew(run, tap, skew.value if skew is not None else 0.0))
+    if scatter > _STEADY * limits.allowance:
+        if slow:
+            why = f"the units' difference scatters by {scatter:.0f} Pa, too much for a mismatch of {limits.allowance:g} Pa to be told; log both at 20 Hz"
+            return _not_compared(run, tap, why, float(grid[-1] - grid[0]))
+        widened = scatter / _STEADY
+        limits = replace(
+            limits,
+            allowance=widened,
+            limit=widened * limits.limit / limits.allowance,
+            threshold=max(limits.threshold, _CLEAR * noise),
+        )
+        message = (
+            f"{TAP_NAMES[tap]}: the units' difference scatters by {scatter:.0f} Pa from second to second; the allowance of the cumulative "
+            f"sums is widened to {widened:.0f} Pa, the threshold is {limits.threshold:.0f} Pa, and smaller mismatches are not seen."
+        )
+        problems.append(QualityFinding("warning", message, run))
     seen = watched(tap, grid, kept, noise, limits)
     ordered = sorted([*still, *seen.mismatches], key=lambda m: m.time)
     mismatches = tuple(replace(m, index=i) for i, m in enumerate(ordered, start=1))
@@ -65,7 +88,7 @@ def redundancy(run: str, tap: str, control: Signal, protective: Signal, limits: 
         mismatches,
         rate(_outside(grid, threshold_onsets(raw, limits.threshold, limits.samples), mismatches), hours),
         rate(_outside(grid, threshold_onsets(kept, limits.threshold, limits.samples), mismatches), hours),
-        _of_skew(run, tap, value),
+        tuple(problems),
     )
 
 
@@ -81,6 +104,19 @@ def _frozen(tap: str, time: np.ndarray, control: np.ndarray, protective: np.ndar
             error = float(np.median(np.diff(time))) / np.sqrt(12.0)
             found.append(Mismatch(tap, 0, start + LONGEST, float(error), start, "stuck", size, None, None, gone))
     return found
+
+
+def _scatter(time: np.ndarray, residual: np.ndarray) -> tuple[float, bool]:
+    """Return how far the seconds of a residual scatter (Pa), and whether the log is too slow for the pulsation.
+
+    Such a log carries the skew's share of the pulsation as a slow wave: there the spread of the whole run counts.
+    """
+    _, means, _ = second_means(time, residual)
+    slow = 1.0 / float(np.median(np.diff(time))) < RATE_NEEDED
+    if means.size < 10:
+        return 0.0, slow
+    spread = np.abs(means - np.median(means)) if slow else np.abs(np.diff(means)) / np.sqrt(2.0)
+    return float(np.median(spread)) / 0.6745, slow
 
 
 def _not_compared(run: str, tap: str, why: str, seconds: float) -> Redundancy:
