@@ -11,9 +11,12 @@ from pipeline.findings.findings import OperatingPoint
 from pipeline.rigs.rap.therapy.declaration import PARAMETERS
 from pipeline.rigs.rap.therapy.record import ALARMS, BATTERY, MEMBRANE, REDUNDANCY, TEMPERATURE, VOLUME
 from pipeline.rigs.rap.therapy.run_numbers import RunNumbers
+from pipeline.rigs.rap.therapy.volume_numbers import VolumeNumbers
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 _FITTED = ("temperature_initial", "temperature_final", "time_constant")
+# A volume known to no better than that share of the tank is not known.
+_VAGUE = 0.1
 _METHODS = {
     **dict.fromkeys(_FITTED, "least squares of eq. 7 to one sensor"),
     "temperature_error_max": "device less bench at the device's samples",
@@ -86,9 +89,21 @@ def _volume(run: RunNumbers) -> list[Parameter]:
     no_course = next((r for name in ("levels", "command", "course") if (r := volume.reasons.get(name))), "")
     no_scale = volume.reasons.get("scale") or volume.reasons.get("error") or no_course
     rms = volume.error.rms if volume.error else undetermined("uf_volume_error_rms", no_scale)
-    final = volume.course.final if volume.course else undetermined("uf_volume_final", no_course)
+    final = _final(volume) if volume.course else undetermined("uf_volume_final", no_course)
     gain = volume.gain.gain if volume.gain else undetermined("uf_pump_gain", volume.reasons.get("gain") or no_course)
     return [parameter(one, at) for one in (rms, final, gain)]
+
+
+def _final(volume: VolumeNumbers) -> Estimate:
+    """Return the volume at the end, undetermined where neither an echo nor a known start tells it."""
+    final, tank = (volume.course.final if volume.course else None), volume.tank
+    if final is None or tank is None or final.std_error is None or final.std_error < _VAGUE * tank.capacity:
+        return final or undetermined("uf_volume_final", "")
+    return undetermined(
+        "uf_volume_final",
+        f"no usable level tells what is in the tank, and nothing tells what was in it at the start (standard error "
+        f"{1e3 * final.std_error:.2g} L); log valid echoes, or drain_pressed when the tank is emptied before the run",
+    )
 
 
 def _membrane(run: RunNumbers) -> list[Parameter]:

@@ -101,7 +101,8 @@ def _filter(findings: Findings, run: str) -> Figure:
     axis = time_axis(own)
     time, sd = used["time"].to_numpy(), used["sd"].to_numpy()
     # The first level meets a volume that nobody knew: its innovation is not to be drawn.
-    sd = np.where(sd < _UNKNOWN * np.nanmedian(sd), sd, np.nan)
+    known = np.isfinite(sd)
+    sd = np.where(sd < _UNKNOWN * np.median(sd[known]), sd, np.nan) if known.any() else sd
     low, high = (np.where(np.isfinite(sd), used[end].to_numpy(), np.nan) for end in ("low", "high"))
     three = np.concatenate([3.0 * sd, [np.nan], -3.0 * sd])
     marks: list[Mark] = [

@@ -51,7 +51,10 @@ def judge(
         said.warn(f"Run {run} is left out: {_ended(reason)}")
     if len(left_out) > _TOLD:
         said.warn(f"{counted(len(left_out) - _TOLD, 'more run')} are left out, see the findings on the data.")
-    grave = [q for q in quality if q.level != "note" and q.run not in left_out]
+    said_already = " ".join(said.reasons)
+    grave = [
+        q for q in quality if q.level != "note" and q.run not in left_out and q.message.rstrip(".") not in said_already
+    ]
     for finding in grave[:_TOLD]:
         said.warn(_ended(f"Run {finding.run}: {finding.message}" if finding.run else finding.message))
     if len(grave) > _TOLD:
