@@ -24,11 +24,14 @@ _UNMISTAKABLE = frozenset((
     "mm", "um", "µm", "μm", "nm", "cm", "km", "kN", "mN", "MN", "Nm", "kNm", "Nmm", "ms", "us", "µs", "μs", "ns", "sec",
     "Hz", "kHz", "MHz", "rpm", "degC", "degF", "deg", "rad", "bar", "mbar", "kPa", "MPa", "GPa", "Pa", "mV", "kV", "uV",
     "µV", "mA", "kg", "lbf", "psi", "kgf", "mT", "kW", "ohm", "%", "°C", "°F", "°",
+    "mmHg", "cmH2O", "hPa", "Torr", "mL", "ml", "µL", "uL", "Wh", "kWh", "mAh", "mW", "kJ",
 ))
 # fmt: on
 # A single letter is a unit only behind a quantity that it measures.
 _MEASURED_IN = {
     "s": "t time zeit temps tempo",
+    "h": "t time zeit temps tempo",
+    "min": "t time zeit temps tempo",
     "N": "f force load kraft force_x force_y force_z fx fy fz",
     "m": "x y z s d l u w disp displacement position pos stroke weg",
     "V": "u v voltage spannung",
@@ -57,6 +60,8 @@ def name_and_unit(text: str) -> tuple[str, str | None]:
     --------
     >>> name_and_unit("Force [kN]"), name_and_unit("T/°C"), name_and_unit("Kraft in N")
     (('Force', 'kN'), ('T', '°C'), ('Kraft', 'N'))
+    >>> name_and_unit("pressure_access/mmHg"), name_and_unit("flow/mL/min"), name_and_unit("t/min")
+    (('pressure_access', 'mmHg'), ('flow', 'mL/min'), ('t', 'min'))
     >>> name_and_unit("Sensor (left)"), name_and_unit("stress/strain"), name_and_unit("dF/dt")
     (('Sensor (left)', None), ('stress/strain', None), ('dF/dt', None))
     """
@@ -96,7 +101,7 @@ def _is_sure(name: str, unit: str, slash: bool) -> bool:
     unit = unit.strip("()")
     if unit in _UNMISTAKABLE:
         return True
-    if len(unit) == 1:
+    if unit in _MEASURED_IN or len(unit) == 1:
         words = name.lower().split()
         return bool(words) and (
             words[-1] in _MEASURED_IN.get(unit, "").split() or (slash and _is_long_word(words[-1], unit))
@@ -105,7 +110,7 @@ def _is_sure(name: str, unit: str, slash: bool) -> bool:
 
 
 def _is_long_word(word: str, unit: str) -> bool:
-    return len(word) > 2 and unit in _MEASURED_IN
+    return len(word) > 2 and len(unit) == 1 and unit in _MEASURED_IN
 
 
 def names_and_units(texts: Sequence[str]) -> list[tuple[str, str | None]]:

@@ -45,6 +45,8 @@ class StreamQuality:
     def add(self, time: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
         """Take the next block: time (n,), s, strictly increasing, and the channels in SI."""
         self.sampling.add(time)
+        if self._is_list:
+            time = time.round(4)  # entries of one time stand microseconds apart, which is no time to name
         for quality in self._channels:
             quality.add(columns[quality.channel.name], time)
 
