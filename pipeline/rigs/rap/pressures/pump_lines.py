@@ -83,8 +83,13 @@ def _by_set_point(passages: Passages, flow_set: Signal) -> tuple[PumpLine, ...]:
 
 def pump_faults(record: Record, found: PumpLines) -> list[QualityFinding]:
     """Return what the pump's lines of one source give away."""
+    return [*line_faults(record, found), *_softer(record, found)]
+
+
+def line_faults(record: Record, found: PumpLines) -> list[QualityFinding]:
+    """Return what the frequencies of the pump's lines give away, in runs whose clamps are moved as well."""
     strokes = _strokes(record, found.source.reader, found.lines)
-    return [*_jumps(record, found), *strokes, *_aliased(record, found), *_softer(record, found)]
+    return [*_jumps(record, found), *strokes, *_aliased(record, found)]
 
 
 def _softer(record: Record, found: PumpLines) -> list[QualityFinding]:
