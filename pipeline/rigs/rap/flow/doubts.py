@@ -35,18 +35,26 @@ def doubts(found: Campaign, settings: FlowSettings) -> list[QualityFinding]:
 
 def _location(location: Location) -> list[QualityFinding]:
     """Tell what the UF pump's switching says of the meter's line."""
-    told = f"switching the UF pump changes the meter's reading by {location.response:+.2f} ± {1.96 * location.error:.2f} of the UF rate (95 %)"
+    size = f"{location.response:+.2f} ± {1.96 * location.error:.2f} of the UF rate (95 %)"
+    told = f"switching the UF pump changes the meter's reading by {size}"
     if location.contradicted:
         other = {
             "return": "meter reads Q_b - Q_uf: it sits on the return line",
             "access": "meter reads Q_b: it sits on the access line",
         }
+        how = (
+            told
+            if location.switched
+            else (
+                f"an offset of {size} stands between meter and E3; UF was never off, so that it cannot be seen to vanish with it"
+            )
+        )
         text = (
-            f"{other[location.found]}, though flowmeter_location says {location.stated}: {told}. Windows with UF on are not used against the meter; mend the "
-            "condition or the tubing"
+            f"{other[location.found]}, though flowmeter_location says {location.stated}: {how}. Windows with UF on are not held against the meter; mend the "
+            "condition or the tubing, or log with UF off"
         )
         return [QualityFinding("warning", text, channel="blood_flow_bench")]
-    if not location.stated and location.found:
+    if not location.stated and location.found and location.switched:
         text = f"flowmeter_location is not stated (alike in all runs); the logs themselves say {location.found}: {told}. State it"
         return [QualityFinding("warning", text, channel="blood_flow_bench")]
     if not location.stated:

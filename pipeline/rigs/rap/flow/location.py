@@ -23,12 +23,15 @@ class Location:
     stated
         access, return or '' where no run says.
     response, error
-        Change of the reading for a change of the UF rate, and its standard error; NaN where UF was never switched.
+        Share of the UF rate that the reading lacks (negative), and its standard error; NaN where no UF was drawn.
+    switched
+        Whether UF was on and off. If not, `response` is the offset that E3 leaves, which proves less.
     """
 
     stated: str
     response: float
     error: float
+    switched: bool = False
 
     @property
     def found(self) -> str:
@@ -46,34 +49,37 @@ class Location:
 
     @property
     def trusted(self) -> str:
-        """The line to reckon with: as stated unless the logs contradict, else as found; '' where unknown."""
-        return "" if self.contradicted else self.stated or self.found
+        """The line to reckon with: as stated unless the logs contradict, else as found by switching UF; '' where unknown."""
+        if self.contradicted:
+            return ""
+        return self.stated or (self.found if self.switched else "")
 
 
 def locate(stated: str, windows: FlowWindows) -> Location:
-    """Return where the meter sits, by what its reading does when the UF pump is switched.
+    """Return where the meter sits, by what its reading does with the UF pump on.
 
-    The reading is regressed on E3's columns and the UF rate within runs: pump and circuit explain the rest.
+    The reading is regressed on E3's columns and the UF rate, with a stroke volume for each run: pump and circuit explain the rest. Where UF
+    was on throughout, its column is an offset, which E3 does not have.
     """
     nothing = Location(stated, float("nan"), float("nan"))
     kept = np.isfinite(windows.metered) & np.isfinite(windows.back_pressure)
     used = windows.of(kept)
-    if used.size < 6 or np.ptp(used.uf) < 1e-9:
+    if used.size < 6 or not np.any(used.uf > 0.0):
         return nothing
     runs = list(dict.fromkeys(used.run))
     columns = [pressure_columns(used.f, used.back_pressure), used.uf[:, None]]
     columns += [(used.f * (used.run == run))[:, None] for run in runs[1:]]
     design = np.concatenate(columns, axis=1)
     size = np.sqrt((design**2).sum(axis=0))
-    size[size == 0.0] = 1.0
     scaled = design / size
-    solution, _, rank, _ = np.linalg.lstsq(scaled, used.metered, rcond=1e-10)
-    dof = used.size - rank
-    if rank < design.shape[1] or dof < 2:
+    solution, _, rank, singular = np.linalg.lstsq(scaled, used.metered, rcond=1e-10)
+    dof = np.unique(used.point).size - rank
+    if rank < design.shape[1] or dof < 2 or singular[-1] < 1e-3 * singular[0]:
         return nothing
     residual = used.metered - scaled @ solution
     covariance = np.linalg.inv(scaled.T @ scaled) * float(residual @ residual) / dof
-    return Location(stated, float(solution[2] / size[2]), float(np.sqrt(covariance[2, 2]) / size[2]))
+    switched = bool(np.any(used.uf > 0.0) and np.any(used.uf <= 0.0))
+    return Location(stated, float(solution[2] / size[2]), float(np.sqrt(covariance[2, 2]) / size[2]), switched)
 
 
 def blood_flow(windows: FlowWindows, location: str) -> FlowWindows:

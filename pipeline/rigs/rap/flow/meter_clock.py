@@ -14,6 +14,8 @@ from pipeline.rigs.rap.flow.record import FlowRun
 
 # Where the clocks could not be aligned they are within that of each other, s: windows so near a change are left out.
 UNSURE = 30.0
+# Aligned by the pump's lines or by steps alone they are within that, s.
+_BY_LINES, _BY_STEPS = 0.1, 1.5
 
 
 @dataclass(frozen=True)
@@ -42,4 +44,6 @@ def meter_clock(run: FlowRun) -> MeterClock:
     if not found.sure:
         return MeterClock(found.clock, UNSURE, "the lag between the clocks is not sure", told)
     how = "pressures that both log" if pairs[0].alike else "steps of the meter against those of the pressures"
-    return MeterClock(found.clock, 1.0 if not pairs[0].alike else 0.1, how, told)
+    exact = found.method == "harmonics"
+    sampling = 1.0 / run.meter.rate if run.meter is not None and np.isfinite(run.meter.rate) else 0.0
+    return MeterClock(found.clock, (_BY_LINES if exact else _BY_STEPS) + sampling, how, told)

@@ -15,7 +15,7 @@ from pipeline.rigs.rap.conditions import pressure
 from pipeline.rigs.rap.flow.record import METER, FlowRun
 from pipeline.rigs.rap.flow.run_windows import RunNumbers
 from pipeline.rigs.rap.pressures.data_faults import data_faults
-from pipeline.rigs.rap.pressures.pump_lines import pump_faults, pump_lines
+from pipeline.rigs.rap.pressures.pump_lines import line_faults, pump_lines
 from pipeline.rigs.rap.pressures.record import record_of
 
 # The numbers of this experiment rest on these channels; faults of others are told and cost nothing.
@@ -51,7 +51,7 @@ def inspected(recording: Recording) -> Inspected:
     lines = pump_lines(record, source) if source is not None else None
     refused = next((f.message for f in found if f.level == "error"), "")
     if lines is not None and not refused:
-        found += pump_faults(record, lines)
+        found += line_faults(record, lines)
         refused = next((f.message for f in found if f.level == "error"), "")
     return Inspected(faults.sound, tuple(found), refused)
 

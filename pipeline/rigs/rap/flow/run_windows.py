@@ -25,6 +25,8 @@ from pipeline.rigs.rap.tables import Signal
 _FILLED = 0.6
 # The meter reads another zero than 0 where it is so many standard errors, and so much (m^3/s), away from it.
 _ZERO_SIGMA, _ZERO_LEAST = 4.0, 0.3e-6 / 60.0
+# Changes of the set flow and of the UF rate that count as such, as shares of the largest: a regulated UF rate wanders.
+_SET, _UF = 0.01, 0.3
 # Speeds closer than that share are one set-point; without logged set-points a step of that share between windows of so many s is told.
 _ONE_SPEED, _STEP, _PROBE = 0.05, 0.03, 5.0
 
@@ -128,7 +130,11 @@ def _rests(run: FlowRun, turning: Pump) -> list[tuple[float, float]]:
 
 def _windows(run: FlowRun, turning: Pump, clock: MeterClock | None, settings: FlowSettings) -> Windows:
     changes = [
-        *(steps(one.time, one.values) for one in (run.flow_set, run.uf) if one is not None),
+        *(
+            steps(one.time, one.values, share)
+            for one, share in ((run.flow_set, _SET), (run.uf, _UF))
+            if one is not None
+        ),
         np.array([entry.time for entry in run.clamps]),
         _speed_steps(run, turning) if run.flow_set is None else np.empty(0),
     ]

@@ -15,6 +15,8 @@ from pipeline.rigs.rap.pulsation.windows import Stack, Windows, sampling_rate, s
 # A window that has lost more of its samples than that is left out; so is a line above that share of the sampling rate.
 _LEAST_FILLED = 0.6
 _HIGHEST = 0.47
+# Keeps windows whose samples do not tell the columns apart from stopping the others, relative.
+_RIDGE = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,29 +130,40 @@ def _fit_stack(stack: Stack, rate: float, found: Harmonics) -> None:
 
 
 def design(stack: Stack, frequency: np.ndarray, orders: np.ndarray) -> np.ndarray:
-    """Return the columns 1, t, cos and -sin of each order for every window, shape (w, n, 2 + 2 k)."""
-    columns = np.empty((*stack.offset.shape, 2 + 2 * orders.size))
-    columns[..., 0] = 1.0
-    columns[..., 1] = stack.offset
+    """Return 1, t, cos and -sin of each order for every window, shape (w, 2 + 2 k, n): weight 0 where there is no sample."""
+    columns = np.empty((stack.offset.shape[0], 2 + 2 * orders.size, stack.offset.shape[1]))
+    columns[:, 0] = 1.0
+    columns[:, 1] = stack.offset
+    angle = 2.0 * np.pi * frequency[:, None] * stack.offset
+    first = np.exp(-1j * angle)
+    turned = first
     for i, order in enumerate(orders):
-        angle = 2.0 * np.pi * order * frequency[:, None] * stack.offset
-        columns[..., 2 + 2 * i] = np.cos(angle)
-        columns[..., 3 + 2 * i] = -np.sin(angle)
-    columns *= stack.weight[..., None]
+        if order == 1:
+            turned = first
+        elif i and order == orders[i - 1] + 1:
+            turned = turned * first
+        else:
+            turned = np.exp(-1j * order * angle)
+        columns[:, 2 + 2 * i], columns[:, 3 + 2 * i] = turned.real, turned.imag
+    columns *= stack.weight[:, None]
     return columns
 
 
 def solved(stack: Stack, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return coefficients (w, p), inverse normal matrices (w, p, p) and residual standard deviations (w,)."""
+    """Return coefficients (w, p), inverse normal matrices (w, p, p) and residual standard deviations (w,) for `columns` (w, p, n)."""
     level = stack.values.sum(axis=1) / np.maximum(stack.weight.sum(axis=1), 1.0)
     y = (stack.values - level[:, None]) * stack.weight
-    across = columns.transpose(0, 2, 1)
-    normal = across @ columns
+    normal = columns @ columns.transpose(0, 2, 1)
     size = np.sqrt(np.maximum(np.einsum("wpp->wp", normal), 1e-300))
-    scaled = normal / size[:, :, None] / size[:, None, :]
-    inverse = np.linalg.pinv(scaled, hermitian=True) / size[:, :, None] / size[:, None, :]
-    solution = (inverse @ (across @ y[..., None]))[..., 0]
-    residual = y - (columns @ solution[..., None])[..., 0]
-    dof = np.maximum(stack.weight.sum(axis=1) - columns.shape[2], 1.0)
+    scaled = normal / size[:, :, None] / size[:, None, :] + _RIDGE * np.eye(normal.shape[1])
+    inverse = np.linalg.inv(scaled) / size[:, :, None] / size[:, None, :]
+    solution = (inverse @ (columns @ y[..., None]))[..., 0]
+    residual = y - modelled(solution, columns)
+    dof = np.maximum(stack.weight.sum(axis=1) - columns.shape[1], 1.0)
     solution[:, 0] += level
     return solution, inverse, np.sqrt((residual**2).sum(axis=1) / dof)
+
+
+def modelled(solution: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return coefficients (w, p) times columns (w, p, n), shape (w, n)."""
+    return np.asarray((solution[:, None, :] @ columns)[:, 0])

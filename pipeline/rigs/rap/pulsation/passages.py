@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.rigs.rap.pulsation.harmonics import Harmonics, design, harmonics, solved
+from pipeline.rigs.rap.pulsation.harmonics import Harmonics, design, harmonics, modelled, solved
 from pipeline.rigs.rap.pulsation.windows import Stack, Windows, cut, sampling_rate, stacks
 
 BAND = (0.8, 3.5)
@@ -21,6 +21,8 @@ _LEAST_LINE = 6.0
 # The search around the peak of the periodogram, as a share of it, and where it is exact enough.
 _SEARCH = 0.08
 _STEPS = 8
+# A step below that share of the frequency's standard error is none.
+_SETTLED = 0.02
 # A frequency that changes by one of these factors, within that share, while the level does not, is another line of the same pump.
 _JUMPS = (2.0, 3.0, 0.5, 1.0 / 3.0)
 _NEAR = 0.05
@@ -69,7 +71,11 @@ class Passages:
 
 
 def find_passages(
-    time: np.ndarray, values: np.ndarray, windows: Windows | None = None, band: tuple[float, float] = BAND
+    time: np.ndarray,
+    values: np.ndarray,
+    windows: Windows | None = None,
+    band: tuple[float, float] = BAND,
+    refined: bool = True,
 ) -> Passages:
     """Find the roller passages in a pressure.
 
@@ -81,6 +87,8 @@ def find_passages(
         By default windows of 10 s side by side over the whole record.
     band
         Where the passages are looked for, Hz; its upper end is cut at 0.45 of the sampling rate.
+    refined
+        False leaves the frequency at the periodogram's peak: enough to tell whether the pump turns, in a fifth of the time.
     """
     if windows is None:
         windows = cut(float(time[0]), float(time[-1]), WINDOW) if time.size else Windows(np.empty(0), np.empty(0))
@@ -90,7 +98,9 @@ def find_passages(
         rate = sampling_rate(time)
         for stack in stacks(time, values, windows):
             coarse = _peak(stack, rate, (band[0], min(band[1], 0.45 * rate)))
-            _refine(stack, coarse, rate, frequency[stack.rows], error[stack.rows])
+            frequency[stack.rows] = coarse
+            if refined:
+                _refine(stack, coarse, rate, frequency[stack.rows], error[stack.rows])
     fitted = harmonics(time, values, windows, frequency)
     state = np.full(windows.size, TURNING, dtype=object)
     line, noise = fitted.amplitude(1), fitted.amplitude_error(1)
@@ -102,9 +112,9 @@ def find_passages(
 
 def _peak(stack: Stack, rate: float, band: tuple[float, float]) -> np.ndarray:
     """Return where the periodogram of each window peaks within the band, Hz, shape (w,); NaN for windows without samples."""
-    trend = np.stack([np.ones_like(stack.offset), stack.offset], axis=-1) * stack.weight[..., None]
+    trend = np.stack([np.ones_like(stack.offset), stack.offset], axis=1) * stack.weight[:, None]
     solution, _, _ = solved(stack, trend)
-    flat = (stack.values - (trend @ solution[..., None])[..., 0]) * stack.weight
+    flat = (stack.values - modelled(solution, trend)) * stack.weight
     slots = np.rint((stack.offset - stack.offset.min()) * rate).astype(int)
     size = 1 << int(np.ceil(np.log2(8 * (slots.max() + 1))))
     grid = np.zeros((stack.offset.shape[0], slots.max() + 1))
@@ -129,25 +139,27 @@ def _refine(stack: Stack, coarse: np.ndarray, rate: float, frequency: np.ndarray
 def _refined(stack: Stack, coarse: np.ndarray, orders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the frequency of least residual within 8 % of `coarse` and its standard error, Hz, shape (w,) each.
 
-    Gauss-Newton on the frequency with the linear part projected out; a step that does not help is shortened.
+    Gauss-Newton on the frequency with the linear part projected out; a step that does not help is shortened. Windows that
+    stand still leave the iteration.
     """
-    best = coarse
-    low, high = best * (1.0 - _SEARCH), best * (1.0 + _SEARCH)
-    trial, step = best.copy(), np.zeros_like(best)
-    least = np.full(best.shape, np.inf)
-    error = np.full(best.shape, np.nan)
-    proposal = np.zeros_like(best)
+    best, error = coarse.copy(), np.full(coarse.shape, np.nan)
+    least = np.full(coarse.shape, np.inf)
+    trial, step = coarse.copy(), np.zeros_like(coarse)
+    left = np.arange(coarse.size)
     for _ in range(_STEPS):
-        columns = design(stack, trial, orders)
-        solution, inverse, sigma = solved(stack, columns)
-        better = sigma <= least
-        gradient, curvature = _slope(stack, columns, solution, inverse, orders)
-        best, least = np.where(better, trial, best), np.where(better, sigma, least)
-        proposal = np.where(better, gradient / curvature, 0.25 * step)
-        error = np.where(better, sigma / np.sqrt(curvature), error)
-        step = np.clip(best + proposal, low, high) - best
-        trial = best + step
-        if np.all(np.abs(step) < 1e-7):
+        part = Stack(stack.rows, stack.offset[left], stack.values[left], stack.weight[left])
+        columns = design(part, trial[left], orders)
+        solution, inverse, sigma = solved(part, columns)
+        gradient, curvature = _slope(part, columns, solution, inverse, orders)
+        better = sigma <= least[left]
+        gained = left[better]
+        best[gained], least[gained] = trial[gained], sigma[better]
+        error[gained] = sigma[better] / np.sqrt(curvature[better])
+        proposed = best[left] + np.where(better, gradient / curvature, 0.25 * step[left])
+        trial[left] = np.clip(proposed, coarse[left] * (1.0 - _SEARCH), coarse[left] * (1.0 + _SEARCH))
+        step[left] = trial[left] - best[left]
+        left = left[np.abs(step[left]) > _SETTLED * np.maximum(error[left], 1e-9)]
+        if not left.size:
             break
     return best, error
 
@@ -160,10 +172,9 @@ def _slope(
     # d/df of a cos - b sin is the same pair turned by a quarter: -(b cos + a sin) 2 pi k t, written with the columns at hand.
     swapped = np.empty_like(solution[:, 2:])
     swapped[:, 0::2], swapped[:, 1::2] = -solution[:, 3::2], solution[:, 2::2]
-    change = (columns[..., 2:] @ (swapped * turning)[..., None])[..., 0] * stack.offset
-    across = columns.transpose(0, 2, 1)
-    change = change - (columns @ (inverse @ (across @ change[..., None])))[..., 0]
-    residual = (stack.values - (columns @ solution[..., None])[..., 0]) * stack.weight
+    change = modelled(swapped * turning, columns[:, 2:]) * stack.offset
+    change = change - modelled((inverse @ (columns @ change[..., None]))[..., 0], columns)
+    residual = (stack.values - modelled(solution, columns)) * stack.weight
     curvature = np.maximum((change**2).sum(axis=1), 1e-300)
     return (change * residual).sum(axis=1), curvature
 

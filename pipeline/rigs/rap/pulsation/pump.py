@@ -79,7 +79,7 @@ def pump(time: np.ndarray, values: np.ndarray, probe: Passages | None = None) ->
         return Pump((), float(t[0]) if t.size else 0.0, float(t[-1]) if t.size else 0.0)
     begin, end = float(t[0]), float(t[-1])
     if probe is None:
-        probe = find_passages(t, x, cut(begin, end, min(_PROBE, end - begin)))
+        probe = find_passages(t, x, cut(begin, end, min(_PROBE, end - begin)), refined=False)
     turning = probe.harmonics.amplitude(1)[np.isin(probe.state, ("turning", "jump"))]
     if not turning.size:
         return Pump((), begin, end)

@@ -32,9 +32,9 @@ def steady_windows(
     return joined([part for part in parts if part.size])
 
 
-def steps(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return when a set value changes, s, shape (c,): the stamp of the first sample of the new value."""
-    return np.asarray(time[1:][np.abs(np.diff(values)) > 1e-3 * np.abs(values).max(initial=1e-300)])
+def steps(time: np.ndarray, values: np.ndarray, share: float) -> np.ndarray:
+    """Return when a set value changes by more than a `share` of its largest, s, shape (c,): the stamp of the first sample of the new value."""
+    return np.asarray(time[1:][np.abs(np.diff(values)) > share * np.abs(values).max(initial=1e-300)])
 
 
 def held(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
