@@ -30,20 +30,13 @@ _SKEW_TOLD = 2e-3
 
 def redundancy(run: str, tap: str, control: Signal, protective: Signal, limits: MismatchLimits) -> Redundancy | None:
     """Return what the two units make of one tap; None where they share no second of time."""
-    start, end = max(control.time[0], protective.time[0]), min(control.time[-1], protective.time[-1])
-    grid = control.time[(control.time >= start) & (control.time <= end)]
+    grid, reference, other = _common(control, protective)
     if grid.size < 20:
         return None
-    reference = control.values[(control.time >= start) & (control.time <= end)]
-    same = protective.time.size == control.time.size and np.array_equal(protective.time, control.time)
-    other = protective.values if same else interpolated(protective.time, protective.values, grid)
-    found = np.isfinite(other)
-    grid, reference, other = grid[found], reference[found], other[found]
-    if grid.size < 20:
-        return None
+    seconds = float(grid[-1] - grid[0])
     why = incomparable(reference, other)
     if why:
-        return _not_compared(run, tap, why, float(grid[-1] - grid[0]))
+        return _not_compared(run, tap, why, seconds)
     raw = other - reference
     skew = skew_of(grid, reference, other)
     kept = raw.copy()
@@ -54,42 +47,42 @@ def redundancy(run: str, tap: str, control: Signal, protective: Signal, limits: 
         kept[(grid >= mismatch.onset) & (grid <= (mismatch.end or grid[-1]))] = np.nan
     noise = 1.4826 * float(np.nanmedian(np.abs(kept - np.nanmedian(kept)))) if np.isfinite(kept).any() else float("nan")
     scatter, slow = _scatter(grid, kept)
-    problems = list(_of_skew(run, tap, skew.value if skew is not None else 0.0))
+    problems = _of_skew(run, tap, skew.value if skew is not None else 0.0)
     if scatter > _STEADY * limits.allowance:
         if slow:
             why = f"the units' difference scatters by {scatter:.0f} Pa, too much for a mismatch of {limits.allowance:g} Pa to be told; log both at 20 Hz"
-            return _not_compared(run, tap, why, float(grid[-1] - grid[0]))
-        widened = scatter / _STEADY
-        limits = replace(
-            limits,
-            allowance=widened,
-            limit=widened * limits.limit / limits.allowance,
-            threshold=max(limits.threshold, _CLEAR * noise),
-        )
-        message = (
-            f"{TAP_NAMES[tap]}: the units' difference scatters by {scatter:.0f} Pa from second to second; the allowance of the cumulative "
-            f"sums is widened to {widened:.0f} Pa, the threshold is {limits.threshold:.0f} Pa, and smaller mismatches are not seen."
-        )
-        problems.append(QualityFinding("warning", message, run))
+            return _not_compared(run, tap, why, seconds)
+        limits = _widened(limits, scatter, noise)
+        problems += _of_widening(run, tap, scatter, limits)
     seen = watched(tap, grid, kept, noise, limits)
     ordered = sorted([*still, *seen.mismatches], key=lambda m: m.time)
     mismatches = tuple(replace(m, index=i) for i, m in enumerate(ordered, start=1))
-    hours = float(grid[-1] - grid[0])
+    false_raw, false_kept = (
+        rate(_outside(grid, threshold_onsets(r, limits.threshold, limits.samples), mismatches), seconds)
+        for r in (raw, kept)
+    )
     value, error = (skew.value, skew.error) if skew is not None else (float("nan"), float("nan"))
     return Redundancy(
-        tap,
-        value,
-        error,
-        noise,
-        seen.ends,
-        seen.means,
-        seen.up,
-        seen.down,
-        mismatches,
-        rate(_outside(grid, threshold_onsets(raw, limits.threshold, limits.samples), mismatches), hours),
-        rate(_outside(grid, threshold_onsets(kept, limits.threshold, limits.samples), mismatches), hours),
-        tuple(problems),
-    )
+        tap, value, error, noise, seen.ends, seen.means, seen.up, seen.down, mismatches, false_raw, false_kept, problems
+    )  # fmt: skip
+
+
+def _common(control: Signal, protective: Signal) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the stamps of the control unit that both units cover, and what either reads there, shape (n,) each."""
+    start, end = max(control.time[0], protective.time[0]), min(control.time[-1], protective.time[-1])
+    inside = (control.time >= start) & (control.time <= end)
+    grid = control.time[inside]
+    same = protective.time.size == control.time.size and np.array_equal(protective.time, control.time)
+    other = protective.values[inside] if same else interpolated(protective.time, protective.values, grid)
+    found = np.isfinite(other)
+    return grid[found], control.values[inside][found], other[found]
+
+
+def _widened(limits: MismatchLimits, scatter: float, noise: float) -> MismatchLimits:
+    """Return limits that a difference which scatters more than usual does not cross by itself."""
+    allowance = scatter / _STEADY
+    limit = allowance * limits.limit / limits.allowance
+    return replace(limits, allowance=allowance, limit=limit, threshold=max(limits.threshold, _CLEAR * noise))
 
 
 def _frozen(tap: str, time: np.ndarray, control: np.ndarray, protective: np.ndarray) -> list[Mismatch]:
@@ -133,6 +126,14 @@ def _outside(grid: np.ndarray, onsets: np.ndarray, mismatches: tuple[Mismatch, .
     for m in mismatches:
         inside |= (times >= m.onset - 1.0) & (times <= (m.end if m.end is not None else np.inf))
     return int(np.sum(~inside))
+
+
+def _of_widening(run: str, tap: str, scatter: float, limits: MismatchLimits) -> tuple[QualityFinding, ...]:
+    message = (
+        f"{TAP_NAMES[tap]}: the units' difference scatters by {scatter:.0f} Pa from second to second; the allowance of the cumulative "
+        f"sums is widened to {limits.allowance:.0f} Pa, the threshold is {limits.threshold:.0f} Pa, and smaller mismatches are not seen."
+    )
+    return (QualityFinding("warning", message, run),)
 
 
 def _of_skew(run: str, tap: str, skew: float) -> tuple[QualityFinding, ...]:
