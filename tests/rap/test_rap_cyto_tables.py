@@ -237,3 +237,10 @@ def test_the_papers_own_arithmetic():
     rows = {row.name: row for row in _identify(_recording(_rows())).published}
     assert rows["passes of the medium through the device in 6 h"].found == pytest.approx(72.0)
     assert rows["duration of the cell test against the battery"].agrees is False
+
+
+def test_numbers_of_samples_are_not_taken_for_numbers_of_cultures():
+    rows = _rows()
+    numbered = _recording(rows, n=[float(row[2]) for row in rows])
+    plain = _identify(_recording(rows)).one("viability_difference", time=3600.0)
+    assert _identify(numbered).one("viability_difference", time=3600.0).ci95 == pytest.approx(plain.ci95)

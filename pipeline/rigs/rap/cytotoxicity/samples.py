@@ -58,8 +58,7 @@ def samples_of(recording: Recording, settings: CytotoxicitySettings) -> Samples:
     spread = {
         name: _column(recording, f"{name}_sd", n, problems) * (0.01 if name in percent else 1.0) for name in present
     }
-    weight = _column(recording, "n", n, problems)
-    weight = np.where(np.isfinite(weight) & (weight >= 1.0), weight, 1.0)
+    weight = _weight(recording, n, spread, problems)
     judge_shares(recording.run, time, values, problems)
     words = _words(recording, "group", n) or [_whole_run(recording)] * n
     treated, control = treated_word(words, settings.control_group, settings.treated_group, recording.run)
@@ -148,6 +147,21 @@ def _summary(weight: float, mean: float, spread: float) -> Cell:
     n = round(float(weight))
     known = bool(np.isfinite(spread))
     return Cell(n, float(mean), (n - 1) * float(spread) ** 2 if known else 0.0, n - 1 if known else 0)
+
+
+def _weight(
+    recording: Recording, n: int, spread: Mapping[str, np.ndarray], problems: list[QualityFinding]
+) -> np.ndarray:
+    """Return how many cultures each row stands for; a number without standard deviations may as well number the samples."""
+    weight = _column(recording, "n", n, problems)
+    stands = np.any([np.isfinite(column) for column in spread.values()], axis=0)
+    if np.any(~stands & (weight > 1.0)):
+        message = (
+            "the column 'n' stands beside no standard deviation: its rows are taken for single cultures. If they are means, log "
+            "viability_sd and the like with them."
+        )
+        problems.append(QualityFinding("note", message, recording.run, "n"))
+    return np.where(stands & np.isfinite(weight) & (weight >= 1.0), weight, 1.0)
 
 
 def _numbers(recording: Recording, name: str) -> np.ndarray:
