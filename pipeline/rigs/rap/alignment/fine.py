@@ -19,7 +19,7 @@ _LEAST_LINE = 10.0
 # Ratios further from eq. (2), in robust standard deviations, are left out.
 _STRAY = 5.0
 # Poles are said to differ where chance makes them so less often.
-_DIFFER = 0.01
+_DIFFER = 0.001
 # Windows are put together into that many groups, each a unit of what repeats.
 _GROUPS = 40
 _LARGEST_DELAY, _LARGEST_RATE, _LARGEST_POLE = 0.15, 200e-6, 0.2
@@ -191,7 +191,7 @@ def _reweighted(rows: Rows, found: Fit, tau_b: float, separate: bool) -> tuple[R
 
 
 def _differ(apart: Fit, pairs: Sequence[int]) -> bool:
-    """Tell whether the poles differ by more than chance: Wald's test on their differences from their weighted mean."""
+    """Tell whether the poles differ by more than chance: Hotelling's test on their differences."""
     from scipy.special import fdtrc
 
     names = [f"pole_{p}" for p in pairs]
@@ -205,6 +205,10 @@ def _differ(apart: Fit, pairs: Sequence[int]) -> bool:
     contrast = np.eye(len(names))[1:] - np.eye(len(names))[0]
     spread = contrast @ matrix @ contrast.T
     off = contrast @ poles
-    value = float(off @ np.linalg.solve(spread, off)) / off.size
+    # Hotelling's T^2: the covariance itself rests on a few groups of windows.
     dof = apart.covariance.dof if np.isfinite(apart.covariance.dof) else 1e6
-    return bool(fdtrc(off.size, dof, value) < _DIFFER)
+    left = dof - off.size + 1.0
+    if left < 1.0:
+        return False
+    value = float(off @ np.linalg.solve(spread, off)) * left / (dof * off.size)
+    return bool(fdtrc(off.size, left, value) < _DIFFER)
