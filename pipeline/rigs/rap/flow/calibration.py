@@ -15,6 +15,9 @@ from pipeline.estimation.uncertainty import Covariance
 from pipeline.rigs.rap.flow import estimators
 from pipeline.rigs.rap.flow.windows import FlowWindows
 
+# The spread over left-out set-points counts where it is that many times what the scatter of operating points explains: with three
+# set-points half of that is chance.
+_CLEARLY = 2.0
 # Set-points closer than that (share of the frequency) are one speed.
 ONE_SPEED = 0.05
 Columns = Callable[[FlowWindows], np.ndarray]
@@ -49,9 +52,11 @@ class Calibrated:
     law, values
         The law and its coefficients, SI, shape (k,).
     covariance
-        Of type A: scatter of operating points, or spread over left-out set-points where that is larger; None where there are too few.
+        Of type A: scatter of operating points, or spread over left-out set-points where that is clearly larger; None where there are too few.
     misfit
         Relative error of a left-out operating point, root mean square: what an estimate is off beyond noise; NaN likewise.
+    shared
+        The part of it that all operating points of a set-point share.
     scatter
         Relative standard deviation of single windows about their operating point.
     windows
@@ -62,6 +67,7 @@ class Calibrated:
     values: np.ndarray
     covariance: Covariance | None
     misfit: float
+    shared: float
     scatter: float
     windows: FlowWindows
 
@@ -109,8 +115,12 @@ def calibrate(law: Law, windows: FlowWindows) -> Calibrated:
         missed.append(float(np.mean(law.columns(out) @ rest / out.flow - 1.0)))
     determined = points.size > values.size and np.isfinite(values).all()
     covariance = _scatter_of_points(law, windows, values, at) if determined else None
-    misfit = float(np.sqrt(np.mean(np.square(missed)))) if determined else float("nan")
-    return Calibrated(law, values, covariance, misfit, scatter, windows)
+    if not determined:
+        return Calibrated(law, values, None, float("nan"), float("nan"), scatter, windows)
+    levels = np.array([windows.set_point[at == p][0] for p in range(points.size)])
+    by_level = [float(np.mean(np.array(missed)[levels == level])) for level in np.unique(levels)]
+    misfit, shared = (float(np.sqrt(np.mean(np.square(errors_of)))) for errors_of in (missed, by_level))
+    return Calibrated(law, values, covariance, misfit, shared, scatter, windows)
 
 
 def _scatter_of_points(law: Law, windows: FlowWindows, values: np.ndarray, at: np.ndarray) -> Covariance:
@@ -126,7 +136,8 @@ def _scatter_of_points(law: Law, windows: FlowWindows, values: np.ndarray, at: n
     spread = np.zeros(values.size)
     if len(without) > 2:
         spread = without.std(axis=0, ddof=1)
-    wider = np.maximum(spread / np.sqrt(np.maximum(np.diag(matrix), 1e-300)), 1.0)
+    ratio = spread / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    wider = np.where(ratio > _CLEARLY, ratio, 1.0)
     return Covariance(matrix * np.outer(wider, wider), dof, "operating points and left-out set-points")
 
 

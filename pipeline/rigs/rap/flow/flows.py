@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from pipeline.rigs.rap.flow.calibration import Calibrated
 from pipeline.rigs.rap.flow.declaration import FlowSettings
 from pipeline.rigs.rap.flow.results import Campaign, FlowRow
 from pipeline.rigs.rap.flow.windows import FlowWindows
@@ -46,7 +47,7 @@ def _row(found: Campaign, inside: FlowWindows, estimator: str, settings: FlowSet
     if not known.any():
         return _without(row, f"the run lacks a pressure that {estimator} needs")
     mean = float(values[known].mean())
-    random = math.hypot(law.misfit if math.isfinite(law.misfit) else 0.0, law.scatter / math.sqrt(known.sum()))
+    random = _random(law, inside.of(known))
     doubt, why_not = "", ""
     off = mean / metered - 1.0 if math.isfinite(metered) else math.nan
     if (apart := _apart(found, inside)) > settings.disagreement:
@@ -76,6 +77,14 @@ def _row(found: Campaign, inside: FlowWindows, estimator: str, settings: FlowSet
     systematic = math.hypot(found.gain_u, found.uf_u)
     dof = law.covariance.dof if law.covariance is not None else math.inf
     return FlowRow(row.run, row.flow_set, estimator, mean, random, systematic, dof, metered, int(known.sum()), doubt)
+
+
+def _random(law: Calibrated, inside: FlowWindows) -> float:
+    """Return the relative error (type A) of a mean over these windows: what set-points share, the rest by operating point, noise."""
+    if not math.isfinite(law.misfit):
+        return law.scatter / math.sqrt(inside.size)
+    own = max(law.misfit**2 - law.shared**2, 0.0) / np.unique(inside.point).size
+    return math.sqrt(law.shared**2 + own + law.scatter**2 / inside.size)
 
 
 def _without(row: FlowRow, why: str) -> FlowRow:

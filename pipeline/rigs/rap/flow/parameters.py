@@ -16,7 +16,7 @@ from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 OWN = "rap"
-_SCATTER = "linear least squares on windows; larger of scatter of operating points and spread over left-out set-points"
+_SCATTER = "linear least squares on windows; scatter of operating points, or spread over left-out set-points where clearly larger"
 _WORDS = {
     "E0": "V f, V from the lowest unclamped set-point", "E1": "V f, V from all calibration windows", "E2": "pulsation",
     "E3": "mean pressures", "E2 quadratic": "E2 with a term in (f - f0)^2", "affine": "a f + b, no model of a pump",

@@ -91,11 +91,12 @@ def pump(time: np.ndarray, values: np.ndarray, probe: Passages | None = None) ->
 
 
 def _keep_weak(t: np.ndarray, moving: np.ndarray, probe: Passages, usual: float) -> None:
-    """Mark as moving what pulsates weakly but clearly (air at the sensor, a clot): the pump turns there as well."""
+    """Mark as moving the stretches that pulsate weakly but clearly (air at the sensor, a clot): the pump turns there as well."""
     weak = (probe.state == TURNING) & (probe.harmonics.amplitude(1) > _WEAKEST * usual)
-    for start, end in zip(probe.windows.start[weak], probe.windows.end[weak], strict=True):
-        first, last = np.searchsorted(t, (start, end))
-        if not moving[first:last].any():
+    edges = [0, *(np.flatnonzero(np.diff(moving.astype(int))) + 1).tolist(), t.size]
+    for first, last in pairwise(edges):
+        inside = (probe.windows.start >= t[first]) & (probe.windows.end <= t[last - 1])
+        if not moving[first] and inside.any() and weak[inside].mean() > 0.5:
             moving[first:last] = True
 
 
