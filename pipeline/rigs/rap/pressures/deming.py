@@ -17,8 +17,6 @@ from pipeline.rigs.rap.pressures.levels import Level
 
 # Means of fewer windows, or over a smaller share of their scatter, tell no line.
 _FEWEST, _FEWEST_BLOCKS, _LEAST_RANGE = 8, 4, 20.0
-# Lower quartile of an exponential distribution over its mean: lines of the pump lie above it.
-_QUARTILE = 0.28768
 _SEGMENT = 20.0
 
 
@@ -153,4 +151,8 @@ def noise_of(values: np.ndarray, good: np.ndarray, rate: float) -> float:
     hann = np.hanning(size + 1)[:-1]
     power = np.abs(np.fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * hann, axis=1)) ** 2 / float(hann @ hann)
     above = power[:, np.fft.rfftfreq(size, 1.0 / rate) > 0.5]
-    return float(np.sqrt(np.median(np.quantile(above, 0.25, axis=1)) / _QUARTILE))
+    from scipy.special import gammaincinv
+
+    # Periodograms of noise averaged over K segments follow a gamma distribution: most bins without a line lie near its quartile.
+    K = pieces.shape[0]
+    return float(np.sqrt(np.quantile(above.mean(axis=0), 0.25) * K / gammaincinv(K, 0.25)))
