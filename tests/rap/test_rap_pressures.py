@@ -85,7 +85,7 @@ def test_uncertainty_of_the_flow_meter_is_told_apart_and_carried(whole: Recordin
 
 def test_report_draws_every_chapter_of_the_sheet(findings: Findings) -> None:
     names = [chapter.name for chapter in sections(findings)]
-    assert names == ["answers", "clock", "gain", "agreement", "coherence", "set_points", "hydraulics"]
+    assert names == ["answers", "clock", "gain", "agreement", "coherence", "set_points", "hydraulics", "checks"]
     assert len(methods(findings)) == 4
 
 

@@ -13,6 +13,7 @@ from pipeline.rigs.rap.pressures.agreement import Agreement, Limits
 from pipeline.rigs.rap.pressures.arrays_circuit import circuit_tables
 from pipeline.rigs.rap.pressures.declaration import PressuresSettings
 from pipeline.rigs.rap.pressures.judgements import judged, within
+from pipeline.rigs.rap.pressures.misfit import Misfit
 from pipeline.rigs.rap.pressures.run_numbers import RunNumbers, Tap
 from pipeline.rigs.rap.pressures.tables_of import Rows, joined, table
 
@@ -57,6 +58,7 @@ def arrays_of(runs: Sequence[RunNumbers], settings: PressuresSettings) -> dict[s
             ("run", "channel", "flow_set", "harmonic", "frequency", "coherence", "coherence_low", "coherence_high", "threshold", "gain", "phase", "folded"),
             [row for rows in of_taps(_coherence) for row in rows],
         ),
+        "checks": table(("run", "name", "channel", "value", "std_error", "unit", "limit", "exceeds"), [_check(run, one) for run in runs for one in run.checks]),
         "coherence_spectra": joined(("run", "channel", "flow_set", "frequency", "coherence"), [part for parts in of_taps(_spectra) for part in parts]),
     }  # fmt: skip
     return {**tables, **circuit_tables(runs)}
@@ -72,6 +74,13 @@ def _run(run: RunNumbers) -> dict[str, Any]:
     return {
         "run": run.name, "bench": run.alignment is not None, "density": run.record.density,
         "fluid_temperature": math.nan if temperature is None else temperature,
+    }  # fmt: skip
+
+
+def _check(run: RunNumbers, one: Misfit) -> dict[str, Any]:
+    return {
+        "run": run.name, "name": one.name, "channel": one.channel or "", "value": one.value, "std_error": one.std_error, "unit": one.unit,
+        "limit": one.limit, "exceeds": one.exceeds and one.name != "meter_step",
     }  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +19,6 @@ from pipeline.rigs.rap.pulsation.passages import Passages
 _LATE = 0.015
 # A step of the pulsation by that share, that many standard errors clear, with that many windows on either side.
 _STEP, _SIGMAS, _FEWEST = 0.06, 8.0, 4
-# Pulsation and means tell gains that agree within that share, and that many standard errors (section 5.8).
-_GAINS_APART, _CLEAR = 0.05, 5.0
 # Weaker lines of the bench tell nothing, in their standard errors.
 _LEAST_LINE = 15.0
 _ADVICE = "air or something soft at the transducer? Compliance changed; E2 invalid. Flush the line to the sensor"
@@ -61,15 +59,8 @@ def bubble_faults(
     alignment: Alignment,
     passages: Passages | None,
     taps: Sequence[Aligned],
-    gains: Mapping[str, tuple[float, float]],
 ) -> list[QualityFinding]:
-    """Return what the device's pulsation against the bench's says of air.
-
-    Parameters
-    ----------
-    gains
-        Gain from the means (Deming) and its standard error by tap: a pulsation that is smaller by more is damped.
-    """
+    """Return what the device's pulsation against the bench's says of air."""
     if passages is None:
         return []
     found = []
@@ -78,14 +69,12 @@ def bubble_faults(
         usual = float(np.median(others)) if others else alignment.pole_by_name.get(one.name, alignment.bench_pole)
         pulsation = pulsation_of(one, passages, usual, alignment.bench_pole)
         if pulsation is not None:
-            found += _told(run, one.name, pulsation, usual, gains.get(one.name))
+            found += _told(run, one.name, pulsation, usual)
     return found
 
 
-def _told(
-    run: str, tap: str, pulsation: Pulsation, usual: float, gain: tuple[float, float] | None
-) -> list[QualityFinding]:
-    """Return at most one finding on a tap: a step first, else a delay, else a size that the means contradict."""
+def _told(run: str, tap: str, pulsation: Pulsation, usual: float) -> list[QualityFinding]:
+    """Return at most one finding on a tap: a step first, else a delay."""
     name, channel = f"the device's {TAP_NAMES.get(tap, tap)} channel", pressure(tap, "rap")
     split = best_split(pulsation.gain)
     late = float(np.median(pulsation.late))
@@ -104,15 +93,6 @@ def _told(
             f"their pulsation: {_ADVICE}"
         )
         return [QualityFinding("warning", text, run, channel)]
-    if gain is not None:
-        size = float(np.median(pulsation.gain))
-        error = float(np.std(pulsation.gain)) / math.sqrt(pulsation.gain.size)
-        # A pole that is a little larger than the others' is the sensor's own and takes off no more than its delay allows.
-        own = max(late, 0.0) / _LATE
-        apart = (size / gain[0] - 1.0) * (1.0 - min(own, 1.0))
-        if abs(apart) > max(_GAINS_APART, _CLEAR * math.hypot(error, gain[1])):
-            text = f"the pulsation of {name} is {size:.3f} times the bench's, its means {gain[0]:.3f} times: the gain depends on amplitude or frequency; {_ADVICE}"
-            return [QualityFinding("warning", text, run, channel)]
     return []
 
 

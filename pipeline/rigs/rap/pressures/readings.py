@@ -58,11 +58,10 @@ def circuit_of(
         own = levels_of(
             [taps[reader][tap] for tap in ("prefilter", "return", "access", "uf") if tap in taps[reader]], set_points
         )
-    location = record.conditions.get("flowmeter_location")
     readings = Readings(
         taps=taps[reader],
         meter=to_own(record.meter, "bench"),
-        location=str(location).strip().lower() if location is not None else None,
+        location=record.meter_location,
         uf=to_own(record.uf_set, "rap"),
         poles=alignment.pole_by_name if reader == "rap" and alignment is not None else {},
         meter_gain_u=record.number("flowmeter_gain_u"),

@@ -44,6 +44,12 @@ class Record:
         value = self.conditions.get(name)
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
+    @property
+    def meter_location(self) -> str | None:
+        """Where the flow meter is said to sit, in lower case; None where that is not stated."""
+        value = self.conditions.get("flowmeter_location")
+        return None if value is None else str(value).strip().lower()
+
     def head(self, tap: str) -> float | None:
         """Return what a sensor reads at rest because of its height over the reservoir, Pa; None where that is not stated."""
         height = self.number(f"sensor_height_{tap}")

@@ -17,8 +17,10 @@ from pipeline.rigs.rap.pressures.bubble import bubble_faults
 from pipeline.rigs.rap.pressures.coherence import AtSetPoint, coherence_at_lines
 from pipeline.rigs.rap.pressures.data_faults import DataFaults
 from pipeline.rigs.rap.pressures.deming import Deming, deming
-from pipeline.rigs.rap.pressures.leftover import leftover_faults
+from pipeline.rigs.rap.pressures.leftover import leftover, leftover_faults
 from pipeline.rigs.rap.pressures.levels import Level, SetPoints, levels_of
+from pipeline.rigs.rap.pressures.misfit import Misfit, misfits_of_circuit, misfits_of_tap
+from pipeline.rigs.rap.pressures.misfit_faults import misfit_faults
 from pipeline.rigs.rap.pressures.pump_lines import pump_faults, pump_lines, too_slow
 from pipeline.rigs.rap.pressures.readings import CircuitNumbers, circuit_of
 from pipeline.rigs.rap.pressures.record import Record
@@ -28,6 +30,8 @@ from pipeline.rigs.rap.tables import Signal, signal
 
 # Slower logs do not show the pump's lines, Hz.
 _SLOWEST = 8.0
+# Strokes below that are hardly more than a step of the converter, Pa rms.
+_LEAST_PULSATION = 150.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +66,8 @@ class RunNumbers:
         Steady stretches on the bench's clock (the device's where there is no bench).
     circuit
         Constants of the circuit; why there are none otherwise.
+    checks
+        What the models leave over (section 5.8).
     findings
         What was noticed on the way.
     """
@@ -73,6 +79,7 @@ class RunNumbers:
     no_tap: Mapping[str, str]
     levels: tuple[Level, ...]
     circuit: CircuitNumbers | str
+    checks: tuple[Misfit, ...]
     findings: tuple[QualityFinding, ...]
 
     @property
@@ -110,15 +117,36 @@ def run_numbers(record: Record, faults: DataFaults) -> RunNumbers:
         for pair in pairs:
             taps[pair.name] = _tap(pair, alignment, levels, passages, record)
             no_tap.pop(pair.name, None)
-        gains = {
-            tap: (numbers.deming.gain.value, numbers.deming.gain.std_error or 0.0)
-            for tap, numbers in taps.items()
-            if numbers.deming.gain.value is not None
-        }
-        found += bubble_faults(record.run, alignment, passages, [numbers.aligned for numbers in taps.values()], gains)
-    found += leftover_faults(record.run, {tap: (numbers.aligned, numbers.deming) for tap, numbers in taps.items()})
+        found += bubble_faults(record.run, alignment, passages, [numbers.aligned for numbers in taps.values()])
     circuit = circuit_of(record, faults.sound, alignment if clock_known else None, levels)
-    return RunNumbers(record, alignment, why, taps, no_tap, tuple(levels), circuit, tuple(dict.fromkeys(found)))
+    checks = _checks(taps, alignment, passages, circuit)
+    found += _left(record, taps, checks, found)
+    return RunNumbers(
+        record, alignment, why, taps, no_tap, tuple(levels), circuit, tuple(checks), tuple(dict.fromkeys(found))
+    )
+
+
+def _left(
+    record: Record, taps: Mapping[str, Tap], checks: list[Misfit], told: list[QualityFinding]
+) -> list[QualityFinding]:
+    """Return what is left over, of each tap the cause alone where one was told, and nothing of strokes that hardly show."""
+    soft = {finding.channel for finding in told if "transducer" in finding.message}
+    left = {tap: one for tap, numbers in taps.items() if (one := leftover(numbers.aligned, numbers.deming)) is not None}
+    found = leftover_faults(record.run, {tap: one for tap, one in left.items() if pressure(tap, "rap") not in soft})
+    silent = {tap for tap, one in left.items() if one.pulsation < _LEAST_PULSATION or pressure(tap, "rap") in soft}
+    silent |= {tap for tap in taps if any(finding.channel == pressure(tap, "rap") for finding in found)}
+    return found + misfit_faults(record.run, checks, record.meter_location, silent)
+
+
+def _checks(
+    taps: Mapping[str, Tap], alignment: Alignment | None, passages: Passages | None, circuit: CircuitNumbers | str
+) -> list[Misfit]:
+    """Return the checks of section 5.8 that the run allows."""
+    found: list[Misfit] = []
+    if alignment is not None and passages is not None:
+        for tap in taps.values():
+            found += misfits_of_tap(tap.aligned, tap.deming, alignment, passages)
+    return found + (misfits_of_circuit(circuit.found) if isinstance(circuit, CircuitNumbers) else [])
 
 
 def _channel(tap: str | None) -> str | None:

@@ -8,6 +8,7 @@ from pipeline.findings import Findings
 from pipeline.findings.figures import Cell, Column, Section, Status, Table
 from pipeline.rigs.rap.pressures.sections_agreement import of_agreement, of_coherence, of_gains
 from pipeline.rigs.rap.pressures.sections_alignment import Blocks, clock_table, of_clock, of_overlay, of_poles
+from pipeline.rigs.rap.pressures.sections_checks import of_checks
 from pipeline.rigs.rap.pressures.sections_hydraulics import of_hydraulics, of_set_points
 
 
@@ -23,6 +24,7 @@ def sections(findings: Findings) -> Sequence[Section]:
         Section("coherence", "Coherence", of_coherence(findings)),
         Section("set_points", "Set-points used", of_set_points(findings)),
         Section("hydraulics", "Hydraulics", of_hydraulics(findings)),
+        Section("checks", "What is left over", of_checks(findings)),
     ]
     return [chapter for chapter in chapters if chapter.blocks]
 
