@@ -57,6 +57,14 @@ class VolumeNumbers:
     reasons: dict[str, str] = field(default_factory=dict)
     problems: tuple[QualityFinding, ...] = ()
 
+    @property
+    def final_share(self) -> float:
+        """Final error over what was removed in the run; NaN where there is no scale."""
+        if self.error is None or self.course is None or self.error.final.value is None:
+            return math.nan
+        removed = abs(self.course.total)
+        return self.error.final.value / removed if removed > 0.0 else math.nan
+
 
 class _Steps:
     """Collects what the steps noticed and why some of them could not be done."""
@@ -205,6 +213,7 @@ def _weighed(record: Record, found: VolumeNumbers, set_rate: float | None, steps
                 None,
                 by_scale,
                 lag,
+                what="the device's own volume",
                 first_echo=course.first_echo,
                 gain_u=gain_u,
                 emptied=drained,

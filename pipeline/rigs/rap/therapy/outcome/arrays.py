@@ -165,7 +165,7 @@ def _account(run: RunNumbers) -> Rows:
     ratio = error.rate_ratio.value if error else None
     return [{
         "removed": volume.course.total, "removed_sd": volume.course.total_sd,
-        "final_error": _or_nan(error.final.value) if error else math.nan, "final_share": error.final_percent / 100.0 if error else math.nan,
+        "final_error": _or_nan(error.final.value) if error else math.nan, "final_share": volume.final_share,
         "rate_ratio": _or_nan(ratio), "closed_loop": regulation.error_share if regulation else math.nan,
         "open_loop": regulation.open_loop_share if regulation else math.nan, "nis": volume.course.consistency.mean_nis,
     }]  # fmt: skip

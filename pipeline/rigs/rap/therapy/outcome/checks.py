@@ -64,13 +64,13 @@ def _temperature(run: RunNumbers, settings: TherapySettings) -> Iterator[Check]:
 
 
 def _volume(run: RunNumbers, settings: TherapySettings) -> Iterator[Check]:
-    error = run.volume.error if run.volume else None
-    if error is None or not math.isfinite(error.final_percent):
+    volume = run.volume
+    if volume is None or volume.error is None or not math.isfinite(volume.final_share):
         return
-    share, final = abs(error.final_percent) / 100.0, error.final.value or 0.0
-    doubt = (error.final.std_error or 0.0) * share / abs(final) if final else 0.0
+    final, share = volume.error.final.value or 0.0, abs(volume.final_share)
+    doubt = (volume.error.final.std_error or 0.0) * share / abs(final) if final else 0.0
     word, mood = _within(share, doubt, settings.volume_tolerance)
-    found = f"{final / ML:+.1f} mL, {error.final_percent:+.2f} %"
+    found = f"{final / ML:+.1f} mL, {100 * volume.final_share:+.2f} %"
     yield Check(
         run.run, "final error of the ultrafiltrate volume", found, f"below {100 * settings.volume_tolerance:g} %", word, mood,
         f"The estimated ultrafiltrate ends {found} off the scale: {_placed(word)} the tolerance of {100 * settings.volume_tolerance:g} %.",

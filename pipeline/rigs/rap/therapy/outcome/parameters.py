@@ -49,9 +49,9 @@ def parameter(found: Estimate, at: OperatingPoint, description: str = "") -> Par
 
 
 def in_order(parameters: Sequence[Parameter]) -> list[Parameter]:
-    """Return parameters in the order of their declaration, the runs' order kept."""
+    """Return parameters in the order of their declaration, of each name the determined ones first, the runs' order kept."""
     order = {name: place for place, name in enumerate(_SPECS)}
-    return sorted(parameters, key=lambda one: order[one.name])
+    return sorted(parameters, key=lambda one: (order[one.name], one.value is None))
 
 
 def parameters_of(run: RunNumbers) -> list[Parameter]:

@@ -75,22 +75,29 @@ def _set_points(findings: Findings) -> list[Table | Text]:
     """Return the set-points of the runs and what the paper's arithmetic says at them (section 4, rows 4 and 6)."""
     table = findings.arrays["set_points"]
     rows: list[list[Cell]] = []
-    notes: dict[str, None] = {}
+    found: list[tuple[float | None, ...]] = []
     for row in records(table):
-        flow, uf, heparin = (_number(row[name]) for name in ("blood_flow_set", "uf_flow_set", "heparin_flow_set"))
-        rows.append([row["run"], flow, uf, heparin])
-        if flow is not None or uf is not None or heparin is not None:
-            notes |= dict.fromkeys(set_point_notes(flow, uf, heparin))
+        rates = tuple(_number(row[name]) for name in ("blood_flow_set", "uf_flow_set", "heparin_flow_set"))
+        rows.append([row["run"], *rates])
+        found.append(rates)
     if not rows:
         return []
-    told = notes or dict.fromkeys(set_point_notes(None, None, None))
+    # Runs that log less of the same set-points have nothing of their own to say.
+    own = [rates for rates in dict.fromkeys(found) if not any(_says_more(other, rates) for other in found)]
+    told = list(dict.fromkeys(note for rates in own for note in set_point_notes(*rates)))
     return [
         Table(
             "set_points", "Set-points", "The usual ones while the pumps run, as the device logs them; an empty cell is not logged.",
             [Column("Run"), Column("Blood flow", "mL/min"), Column("Ultrafiltration", "mL/min"), Column("Heparin", "mL/h")], rows,
         ),
-        Text(list(told)),
+        Text(told),
     ]  # fmt: skip
+
+
+def _says_more(other: tuple[float | None, ...], rates: tuple[float | None, ...]) -> bool:
+    """Tell whether other set-points hold all of these and more."""
+    pairs = list(zip(other, rates, strict=True))
+    return other != rates and all(mine is None or mine == theirs for theirs, mine in pairs)
 
 
 def _number(value: object) -> float | None:

@@ -60,9 +60,10 @@ def _timeline(findings: Findings, run: str) -> Figure:
             x = np.array([t for row in own for t in (row["start"], row["end"])])
             y = np.array([float(words.index(row["state"])) for row in own for _ in range(2)])
             marks.append(Line(x, y, role, source, dashed=dashed))
-    for row in records(alarms):
-        if np.isfinite(row["time"]):
-            marks.append(Points(np.array([row["time"]]), np.array([float(words.index("ALARM"))]), "fault", ""))
+    due = alarms["time"].to_numpy(dtype=float)
+    due = due[np.isfinite(due)]
+    if due.size:
+        marks.append(Points(due, np.full(due.size, float(words.index("ALARM"))), "fault", "alarm due"))
     key = ", ".join(f"{place} {word}" for place, word in enumerate(words) if any(row["state"] == word for row in rows))
     marked: list[Mark] = []
     codes = list(dict.fromkeys(row["alarm"] for row in records(alarms)))
@@ -94,7 +95,7 @@ def _ratios(findings: Findings, run: str) -> Figure:
             continue
         least, most = (np.clip(values, -1.0, _RATIO_MOST) for values in (least, most))
         marks: list[Mark] = [
-            Band(time, least, most, "measured"), Rule(y=high, label=f"{high:g}"), Rule(y=low, label=f"{low:g}"),
+            Band(time, least, most, "measured"), Line(time, 0.5 * (least + most), "measured"), Rule(y=high, label=f"{high:g}"), Rule(y=low, label=f"{low:g}"),
         ]  # fmt: skip
         panels.append(Panel(marks, axis, Axis("over its baseline"), words))
     return Figure(
@@ -108,9 +109,9 @@ def _ratios(findings: Findings, run: str) -> Figure:
 def _delays(findings: Findings) -> list[Table]:
     rows: list[list[Cell]] = [
         [
-            row["run"], row["alarm"], int(row["index"]) or None, _number(row["began"]), _number(row["time"]),
-            _number(row["time"] - row["began"]), _number(row["logged"]), _number(row["delay"]), _VERDICTS[str(row["verdict"])],
-            _number(row["removed"]), _stopped(row),
+            row["run"], row["alarm"], int(row["index"]) or None, _number(row["began"], 1), _number(row["time"]),
+            _number(row["time"] - row["began"], 2), _number(row["logged"], 1), _number(row["delay"], 2), _VERDICTS[str(row["verdict"])],
+            _number(row["removed"], 8), _stopped(row),
         ]
         for row in records(findings.arrays["alarms"])
     ]  # fmt: skip
@@ -147,8 +148,11 @@ def _stopped(row: dict[str, object]) -> Cell:
     return "stopped" if row["uf_stopped"] else "ran on"
 
 
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def _number(value: float, digits: int | None = None) -> float | None:
+    """Return a number as a cell, rounded to so many places; empty where there is none."""
+    if not np.isfinite(value):
+        return None
+    return float(value) if digits is None else round(float(value), digits)
 
 
 def _baselines(findings: Findings) -> list[Table]:
@@ -186,11 +190,11 @@ def of_redundancy(findings: Findings) -> list[Figure | Table]:
         panels = []
         for tap in dict.fromkeys(own["channel"]):
             rows = own[own["channel"] == tap]
-            time = rows["time"].to_numpy()
+            time, low, high = (rows[name].to_numpy() for name in ("time", "low", "high"))
             found = [row for row in records(of_run(findings.arrays["mismatches"], run)) if row["channel"] == tap]
             ends: list[Mark] = [Rule(x=float(row["time"]), role="fault", label=f"{row['kind']}") for row in found]
             panels.append(
-                Panel([Band(time, rows["low"].to_numpy(), rows["high"].to_numpy(), "residual"), Rule(y=0.0), *ends], axis,
+                Panel([Band(time, low, high, "residual"), Line(time, 0.5 * (low + high), "residual"), Rule(y=0.0), *ends], axis,
                       Axis("protective less control", "Pa"), f"{TAP_NAMES.get(str(tap), str(tap))}: difference")
             )  # fmt: skip
             sums: list[Mark] = [
@@ -235,7 +239,7 @@ def _unit_tables(findings: Findings) -> list[Table]:
     found: list[list[Cell]] = [
         [
             row["run"], TAP_NAMES.get(str(row["channel"]), str(row["channel"])), int(row["index"]), row["kind"],
-            f"{row['size']:.3g} {'Pa/s' if row['kind'] == 'drift' else 'Pa'}", _number(row["onset"]), _number(row["time"]), _number(row["delay"]),
+            f"{row['size']:.3g} {'Pa/s' if row['kind'] == 'drift' else 'Pa'}", _number(row["onset"]), _number(row["time"]), _number(row["delay"], 2),
             _number(row["by_threshold"]), _number(row["by_cusum"]),
         ]
         for row in records(findings.arrays["mismatches"])

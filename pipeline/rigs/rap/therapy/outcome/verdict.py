@@ -44,7 +44,7 @@ def judge(
         sentence = place + check.sentence
         if check.mood in ("warning", "rejected"):
             said.warn(sentence)
-        else:
+        elif check.mood == "unsaid":
             said.reasons.append(sentence)
     _missing(said, parameters)
     for run, reason in list(left_out.items())[:_TOLD]:
@@ -61,12 +61,12 @@ def judge(
         said.warn(f"{counted(len(grave) - _TOLD, 'more warning')} stand among the findings on the data.")
     if said.verdict == "warning":
         _advise(said, checks, parameters)
-    said.reasons.sort(key=lambda reason: reason in {_sentence(check, runs) for check in checks if check.mood == "ok"})
+    met = [check for check in checks if check.mood == "ok"]
+    if len(met) > _TOLD:
+        said.reasons.append(f"{len(met)} of {counted(len(checks), 'check')} are met, see the table of verdicts.")
+    else:
+        said.reasons += [(f"Run {check.run}: " if len(runs) > 1 else "") + check.sentence for check in met]
     return said
-
-
-def _sentence(check: Check, runs: set[str]) -> str:
-    return (f"Run {check.run}: " if len(runs) > 1 else "") + check.sentence
 
 
 def _missing(said: Judgement, parameters: Sequence[Parameter]) -> None:

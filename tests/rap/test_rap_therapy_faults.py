@@ -1,0 +1,208 @@
+"""Faults of therapy logs (rap.md, section 8): each is told with what to do, none becomes a number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.recording import Stream
+from pipeline.rigs.rap.therapy.check import check
+from pipeline.rigs.rap.therapy.faults import examined
+from rap_therapy_known import altered, cut, faults, found, made, said, short
+
+
+def removed(run: object) -> dict[str, str]:
+    record, _ = examined(run)  # type: ignore[arg-type]
+    return dict(record.removed)
+
+
+def test_sound_run_has_no_fault() -> None:
+    record, findings = examined(short())
+    assert not record.removed
+    assert [f.message for f in findings if f.level == "error"] == []
+
+
+def test_degrees_celsius_labelled_kelvin_are_named_and_not_used() -> None:
+    findings = found(altered(short(), lambda k, v: v - 273.15 if k == "temperature_air_rap" else v))
+    assert "logged in degC" in said(findings)
+    assert findings.one("temperature_error_max").value is None
+    assert findings.one("temperature_final", source="rap").value is None
+    assert findings.one("uf_volume_final").value is not None
+
+
+def test_scale_in_grams_labelled_kilograms_is_named_and_not_used() -> None:
+    findings = found(altered(short(), lambda k, v: v * 1e3 if k == "uf_mass_scale" else v))
+    assert "give its unit" in findings.one("uf_volume_error_rms").description
+    assert findings.verdict == "warning"
+
+
+def test_scale_with_turned_sign_is_named() -> None:
+    assert "sign is turned" in removed(altered(short(), lambda k, v: -v if k == "uf_mass_scale" else v))["uf_mass_scale"]
+
+
+def test_scale_in_pounds_is_named() -> None:
+    reasons = removed(altered(short(), lambda k, v: v * 2.2046 if k == "uf_mass_scale" else v))
+    assert "pounds" in reasons["uf_mass_scale"]
+
+
+def test_level_logged_in_place_of_the_distance_is_named() -> None:
+    reasons = removed(altered(short(), lambda k, v: np.where(v > 0, 0.285 - v, 0.0) if k == "uf_level_distance" else v))
+    assert "seems to be the level over the floor" in reasons["uf_level_distance"]
+
+
+def test_level_in_millimetres_labelled_metres_is_named() -> None:
+    reasons = removed(altered(short(), lambda k, v: v * 1e3 if k == "uf_level_distance" else v))
+    assert "another unit" in reasons["uf_level_distance"]
+
+
+def test_geometry_of_another_tank_is_named_and_no_volume_told() -> None:
+    findings = found(altered(short(), conditions={"tank_lx": 0.24}))
+    assert "another tank" in findings.one("uf_volume_final").description
+    assert findings.one("uf_volume_final").value is None
+
+
+def test_weak_pump_is_no_wrong_unit_where_level_and_scale_agree() -> None:
+    run = made(pump_gain=0.5, closed_loop=False)
+    assert not removed(run)
+    gain = found(run).one("uf_pump_gain")
+    assert gain.ci95 is not None
+    assert gain.ci95[0] < 0.5 < gain.ci95[1]
+
+
+def test_missing_geometry_is_asked_for_by_name() -> None:
+    findings = found(altered(short(), conditions={"tank_lx": None, "tank_ly": None}))
+    assert "tank_lx, tank_ly" in findings.one("uf_volume_final").description
+
+
+def test_exchanged_set_points_are_named() -> None:
+    run = short()
+    blood, uf = run.values("blood_flow_set"), run.values("uf_flow_set")
+    other = {"blood_flow_set": uf, "uf_flow_set": blood}
+    assert "exchanged" in removed(altered(run, lambda k, v: other.get(k, v)))["blood_flow_set"]
+
+
+def test_gravity_along_another_axis_is_named() -> None:
+    run = short()
+    x, z = run.values("tank_accel_x"), run.values("tank_accel_z")
+    other = {"tank_accel_x": z, "tank_accel_z": x}
+    findings = found(altered(run, lambda k, v: other.get(k, v)))
+    assert said(findings).count("gravity lies along tank_accel_x") >= 1
+    assert sum("gravity lies along" in q.message for q in findings.quality) == 1
+
+
+def test_dead_accelerometer_is_named() -> None:
+    reasons = removed(altered(short(), lambda k, v: v * 0.0 if k.startswith("tank_accel") else v))
+    assert "not even gravity" in reasons["tank_accel_z"]
+
+
+def test_exchanged_pressures_give_no_membrane() -> None:
+    run = short()
+    other = {
+        "pressure_prefilter_rap": run.values("pressure_return_rap"),
+        "pressure_return_rap": run.values("pressure_prefilter_rap"),
+    }
+    findings = found(altered(run, lambda k, v: other.get(k, v)))
+    assert findings.one("k_uf_initial").value is None
+    assert "exchanged" in findings.one("k_uf_initial").description
+
+
+def test_pressures_in_mmhg_labelled_pascal_are_named() -> None:
+    names = ("pressure_access_rap", "pressure_prefilter_rap", "pressure_return_rap", "pressure_uf_rap")
+    findings = found(altered(short(), lambda k, v: v / 133.322 if k in names else v))
+    assert "133" in findings.one("k_uf_initial").description
+    assert findings.one("k_uf_initial").value is None
+
+
+def test_frozen_ultrafiltrate_sensor_gives_no_membrane() -> None:
+    findings = found(made(faults=[{"kind": "stuck", "channel": "pressure_uf_rap", "start": 100.0}]))
+    assert "frozen" in said(findings)
+    assert findings.one("k_uf_initial").value is None
+
+
+def test_table_in_minutes_is_named_and_not_used() -> None:
+    run = short()
+    scale = run.streams["scale"]
+    streams = {**run.streams, "scale": Stream("scale", scale.time / 60.0, scale.channels)}
+    findings = found(replace(run, streams=streams))
+    assert "is its time in minutes" in said(findings)
+    assert findings.one("uf_volume_error_rms").value is None
+
+
+def test_table_that_ends_early_is_told() -> None:
+    run = short()
+    streams = {**run.streams, "scale": cut(run, 0.0, 1500.0).streams["scale"]}
+    assert "table 'scale' ends" in said(found(replace(run, streams=streams)))
+
+
+def test_log_that_ends_in_therapy_is_told() -> None:
+    assert "without TERMINATION" in said(found(cut(short(), 0.0, 1800.0)))
+
+
+def test_tank_emptied_without_key_is_told_and_the_account_goes_on() -> None:
+    findings = found(made(faults=[{"kind": "drain", "start": 1200.0, "end": 1240.0, "key": False}]))
+    assert "without drain_pressed" in said(findings)
+
+
+def test_lost_echo_is_told_with_what_dead_reckoning_leaves_open() -> None:
+    findings = found(made(faults=[{"kind": "echo_lost", "start": 800.0, "end": 2200.0}]))
+    assert "level-blind for 23 min" in said(findings)
+    assert "dead reckoning" in said(findings)
+
+
+def test_tilted_tank_is_told() -> None:
+    findings = found(made(faults=[{"kind": "tilt", "start": 800.0, "end": 1100.0, "size": np.radians(15.0)}]))
+    assert "tilt over 12 deg" in said(findings)
+
+
+def test_touched_scale_is_told() -> None:
+    findings = found(made(faults=[{"kind": "scale_touched", "start": 1200.0, "end": 2500.0}]))
+    assert "scale disturbed" in said(findings)
+
+
+def test_ultrafiltration_without_circulation_is_a_stop_condition() -> None:
+    run = made(runs=["rap_faults"], faults=[{"kind": "uf_without_blood", "start": 100.0, "end": 130.0}])
+    findings = found(run)
+    assert "without circulation" in said(findings)
+    assert findings.verdict == "warning"
+
+
+def test_weak_pump_without_regulation_is_told_against_the_scale() -> None:
+    findings = found(made(pump_gain=0.85, closed_loop=False))
+    assert "UF pump gain" in said(findings)
+
+
+def test_skew_of_the_two_units_is_told() -> None:
+    assert "samples 10.0 ms later" in said(found(faults()))
+
+
+@pytest.mark.parametrize("tables", [("device_temperature", "bench_temperature"), ("device",), ("device_status",)])
+def test_each_table_alone_gives_what_it_can(tables: tuple[str, ...]) -> None:
+    findings = found(altered(short(), tables=tables))
+    told = {p.name for p in findings.parameters if p.value is not None}
+    if "device_temperature" in tables:
+        assert told >= {"temperature_final", "temperature_error_max"}
+        assert not findings.find("uf_volume_final")
+    if "device_status" in tables:
+        assert told >= {"uf_volume_final", "energy_used"}
+        assert not findings.find("temperature_final")
+
+
+def test_log_without_anything_of_a_therapy_is_refused_with_what_is_needed() -> None:
+    with pytest.raises(InputError, match="needs at least one of"):
+        found(altered(short(), tables=("bench",)))
+    with pytest.raises(InputError, match="needs at least one of"):
+        check(altered(short(), tables=("bench",)))
+
+
+def test_seconds_of_log_are_refused_in_words_or_give_nothing() -> None:
+    findings = found(cut(short(), 0.0, 3.0))
+    assert findings.one("uf_pump_gain").value is None
+    assert findings.verdict != "ok"
+
+
+def test_check_speaks_in_the_words_of_identify() -> None:
+    run = altered(short(), lambda k, v: -v if k == "uf_mass_scale" else v)
+    assert any("sign is turned" in q.message and q.level == "error" for q in check(run))
