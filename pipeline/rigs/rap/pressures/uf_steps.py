@@ -116,10 +116,12 @@ def followed(time: np.ndarray, values: np.ndarray, tau: float) -> np.ndarray:
     return np.asarray(out)
 
 
-def _fitted(pieces: Sequence[_Piece]) -> UfSteps:
+def _fitted(pieces: Sequence[_Piece]) -> UfSteps | None:
     """Fit each switch by itself; their scatter is the error, that of the noise where there are fewer than three."""
     found = [(piece, _fit_one(piece)) for piece in pieces]
     found = [(piece, one) for piece, one in found if not one.at_bound and math.isfinite(one.std_error["tau"])]
+    if not found:
+        return None
     weight = np.array([1.0 / one.std_error["tau"] ** 2 for _, one in found])
     taus = np.array([one.values["tau"] for _, one in found])
     tau = float(weight @ taus / weight.sum())
