@@ -109,7 +109,7 @@ def _mean_flow(run: Recording, flow_set: float, lag: float) -> float:
 
 
 def therapy(overrides: Mapping[str, Any], seed: int) -> Known:
-    """Return the same for `rap.therapy`: volume, pump gain and energy as they were in that run."""
+    """Return the same for `rap.therapy`: volume and energy as they were in that run."""
     t = therapy_truth(overrides)
     quiet = {run.run: run for run in rig.synthesize_therapy({**overrides, **QUIET_THERAPY}, seed)}
 
@@ -133,7 +133,7 @@ def _of_run(name: str, run: Recording, t: TherapyTruth) -> float | None:
     if name == "uf_volume_final":
         return float((run.values("uf_mass_scale")[-1] - t.scale_tare) / t.fluid_density)
     if name == "uf_pump_gain":
-        return _mean_gain(run, t)
+        return t.pump_gain
     if name in ("energy_used", "runtime_projected") and "battery_voltage" in run:
         time, volts = run.signal("battery_voltage")
         power = volts * run.values("battery_current")
@@ -141,16 +141,6 @@ def _of_run(name: str, run: Recording, t: TherapyTruth) -> float | None:
         full = t.battery_efficiency * t.battery_energy
         return energy if name == "energy_used" else full * float(time[-1] - time[0]) / energy
     return None
-
-
-def _mean_gain(run: Recording, t: TherapyTruth) -> float:
-    """Return delivered over commanded volume from the first echo on."""
-    stamps, command = run.signal("uf_pump_command")
-    first = int(np.argmax(run.values("uf_echo_valid") > 0.0))
-    scale_time, mass = run.signal("uf_mass_scale")
-    volume = np.interp(stamps + t.device_lag - t.scale_lag, scale_time, mass) / t.fluid_density
-    last = int(np.flatnonzero(command > 0.0)[-1])
-    return float((volume[last] - volume[first]) / command[first + 1 : last + 1].sum())
 
 
 def cytotoxicity(_overrides: Mapping[str, Any], _seed: int) -> Known:

@@ -22,6 +22,8 @@ from pipeline.rigs.rap.synthetic.truth import circuit_of, pump_of
 RUN = RUNS[2]
 _STAGNATION = 120.0
 _MISMATCH_DELAY = 1.0
+# The ultrafiltrate side takes its time to show a clot.
+_LATER = {"MEMBRANE_COAGULATION": 2.6}
 _AT_ONCE = 0.1
 _RESET = 5.0
 
@@ -71,7 +73,10 @@ def _stops(truth: TherapyTruth) -> tuple[list[tuple[float, float]], list[Event]]
         if end - start > _STAGNATION:
             events += _alarm(start + _STAGNATION + 0.05, "PROLONGED_STAGNATION", True)
         events.append(Event(end, "therapy_state", "THERAPY"))
-    late = [(code, start + truth.alarm_delay, end, truth.alarm_reaction) for code, start, end in truth.episodes]
+    late = [
+        (code, start + truth.alarm_delay + _LATER.get(code, 0.0), end, truth.alarm_reaction)
+        for code, start, end in truth.episodes
+    ]
     late += [("SENSOR_MISMATCH", m[1] + _MISMATCH_DELAY, m[2], truth.alarm_reaction) for m in truth.mismatches]
     late += [(code, start + _AT_ONCE, end, True) for code, start, end in truth.injections]
     for code, seen, end, reacts in late:
