@@ -115,3 +115,9 @@ def test_states_of_a_log_that_begins_anywhere():
     found = alarm_numbers(device(start=0.0))
     assert [s.state for s in found.states] == ["THERAPY"]
     assert any("no standstill" in p.message for p in found.problems)
+
+
+def test_two_alarms_of_one_code_half_a_minute_apart_are_two():
+    twice = (("access", 4.0, 200.0, 215.0), ("access", 4.0, 240.0, 255.0))
+    found = _rows((202.0, "ACCESS_OCCLUDED"), (242.0, "ACCESS_OCCLUDED"), factors=twice)
+    assert _verdicts(found) == [("ACCESS_OCCLUDED", "match")] * 2

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from itertools import pairwise
 
 from pipeline.rigs.rap.tables import Entry
 
@@ -68,6 +70,9 @@ _STEMS = (
     ("RETURN_OCCLUDED", ("ven", "occl")),
     ("FILTER_COAGULATION", ("filt",)),
 )  # fmt: skip
+# Rows of one word no further apart than this are one alarm, s; so many steps show how often a column repeats it.
+_SAME, _OFTEN = 5.0, 10
+_SEVERAL = re.compile(r"[;|,+]")
 _AIR = re.compile(r"(^|[^a-z])air([^a-z]|$)")
 
 
@@ -93,17 +98,26 @@ def understood(word: str) -> str | None:
     return next((code for code, stems in _STEMS if all(stem in plain for stem in stems)), None)
 
 
-def onsets(rows: tuple[Entry, ...], apart: float = 60.0) -> list[Entry]:
-    """Return the rows at which a word begins: repeats of it, no more than `apart` seconds behind the last, are the same alarm."""
+def onsets(rows: Sequence[Entry]) -> list[Entry]:
+    """Return the rows at which a word begins.
+
+    A word written again before another one said that all is clear, and no later than three times its usual distance, is the
+    same alarm: a column of codes repeats it in every row.
+    """
+    words = [(row.time, word.strip()) for row in rows for word in _SEVERAL.split(row.text)]
+    apart = {word: _apart([time for time, other in words if other == word]) for word in {word for _, word in words}}
     begun: list[Entry] = []
     last: dict[str, float] = {}
-    for row in rows:
-        for word in re.split(r"[;|,+]", row.text):
-            word = word.strip()
-            if is_clear(word):
-                last.clear()
-                continue
-            if word not in last or row.time - last[word] > apart:
-                begun.append(Entry(row.time, word))
-            last[word] = row.time
+    for time, word in words:
+        if is_clear(word):
+            last.clear()
+            continue
+        if word not in last or time - last[word] > apart[word]:
+            begun.append(Entry(time, word))
+        last[word] = time
     return begun
+
+
+def _apart(times: Sequence[float]) -> float:
+    steps = sorted(b - a for a, b in pairwise(times))
+    return max(_SAME, 3.0 * steps[len(steps) // 2]) if len(steps) >= _OFTEN else _SAME

@@ -20,7 +20,7 @@ def compare(alarms: Sequence[Alarm], codes: Sequence[Entry], lists_codes: bool, 
     The nearest code of the same name from 5 s before the cause until a minute behind its end is its own. Without a column of codes
     there is nothing to compare, and no row.
     """
-    begun = onsets(tuple(codes))
+    begun = onsets(codes)
     unknown = tuple(entry for entry in begun if understood(entry.text) is None)
     if not lists_codes:
         return Comparison((), (), False)
