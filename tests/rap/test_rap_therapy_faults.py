@@ -40,7 +40,9 @@ def test_scale_in_grams_labelled_kilograms_is_named_and_not_used() -> None:
 
 
 def test_scale_with_turned_sign_is_named() -> None:
-    assert "sign is turned" in removed(altered(short(), lambda k, v: -v if k == "uf_mass_scale" else v))["uf_mass_scale"]
+    assert (
+        "sign is turned" in removed(altered(short(), lambda k, v: -v if k == "uf_mass_scale" else v))["uf_mass_scale"]
+    )
 
 
 def test_scale_in_pounds_is_named() -> None:
