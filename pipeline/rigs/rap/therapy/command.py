@@ -88,14 +88,17 @@ def _paused(
     time: np.ndarray, rate: np.ndarray, stopped: Sequence[tuple[float, float]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the set-point with zeros in the spans in which the pump stood still."""
-    if not stopped:
+    spans = [
+        (max(a, float(time[0])), min(b, float(time[-1]) + 1.0)) for a, b in stopped if a <= time[-1] and b > time[0]
+    ]
+    if not spans:
         return time, rate
-    edges = np.array([t for span in stopped for t in span])
+    edges = np.array([t for span in spans for t in span])
     held = rate[np.clip(np.searchsorted(time, edges, side="right") - 1, 0, time.size - 1)]
     merged = np.concatenate([time, edges])
     values = np.concatenate([rate, held])
     order = np.argsort(merged, kind="stable")
     merged, values = merged[order], values[order]
-    for begin, end in stopped:
+    for begin, end in spans:
         values[(merged >= begin) & (merged < end)] = 0.0
     return merged, values

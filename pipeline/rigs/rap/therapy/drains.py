@@ -100,6 +100,15 @@ def _falls(levels: Levels, tank: Tank, command: Command) -> list[Emptying]:
         before_it, after_it = rest[max(step - _LASTING, 0) : step + 1], rest[step + 1 : step + 1 + _LASTING]
         lasting = float(np.median(before_it) - np.median(after_it))
         if lasting > LEAST_DROP:
-            t0, t1 = float(time[step]), float(time[step + 1])
-            out.append(Emptying(float(np.nextafter(t0, np.inf)), (t0, t1), lasting, False))
+            # It may take the better part of a minute: from the last level before it to the first after it.
+            high, low = float(np.median(before_it)), float(np.median(after_it))
+            near = np.arange(max(step - _LASTING, 0), min(step + 1 + _LASTING, time.size))
+            still_full = near[rest[near] > high - 0.1 * lasting]
+            still_full = still_full[still_full <= step]
+            already = near[(rest[near] < low + 0.1 * lasting) & (near > step)]
+            t0 = float(time[still_full[-1] if still_full.size else step])
+            t1 = float(time[already[0] if already.size else step + 1])
+            # Where the echo is lost first, the tank is empty by then at the latest a minute on.
+            t1 = min(t1, float(time[step]) + _WITHIN)
+            out.append(Emptying(t1, (t0, t1), lasting, False))
     return out

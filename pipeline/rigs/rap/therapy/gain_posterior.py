@@ -18,11 +18,13 @@ from pipeline.rigs.rap.therapy.command import Command
 from pipeline.rigs.rap.therapy.tank_filter import EMPTY_SD, GAIN_SD, LITRE, NOISE, TankCourse
 
 _UNKNOWN_SD = 5.0
-_SD = np.geomspace(0.001, 0.05, 8)
+# Of the wander, and the odds of it: eq. 9 takes a gain to stray by 0.02 within an hour.
+_SD = np.geomspace(0.003, 0.05, 6)
+_USUAL_SD, _SPREAD = 0.012, 0.7
 _TAU = np.geomspace(600.0, 14400.0, 5)
 # Parts of the variance that eq. 9 drives the volume with, and their odds: a closed tank gains nothing by itself.
 _WALK = tuple(zip(NOISE[0] * np.array([1e-3, 1e-2, 1e-1, 1.0]), (0.6, 0.3, 0.08, 0.02), strict=True))
-_MOST_BINS = 400
+_MOST_BINS = 260
 _BIN = 60.0
 _COUNTS = 1e-3
 
@@ -112,7 +114,7 @@ def gain_posterior(course: TankCourse, command: Command) -> GainPosterior | None
             cases.append((sd, tau))
             factors.append(factor)
             misfit = 0.5 * float(y @ cho_solve(factor, y)) + float(np.log(np.diag(factor[0])).sum())
-            logs.append(math.log(odds) - misfit)
+            logs.append(math.log(odds) - 0.5 * (math.log(sd / _USUAL_SD) / _SPREAD) ** 2 - misfit)
     weights = np.exp(np.array(logs) - max(logs))
     weights /= weights.sum()
     kept = np.flatnonzero(weights > _COUNTS)

@@ -38,6 +38,8 @@ LEVEL_NOISE = 1e-3
 """Standard deviation of one echo, m (eq. 9)."""
 _SLOSH, _WALKING_TILT = 6e-3, 4e-3
 _MOVING = 0.2 / 9.81
+# How a tank may stand that nobody has levelled, rad (1 sigma).
+_UNKNOWN_TILT = math.radians(2.0)
 _AROUND = 3.0
 _FROZEN_FOR = 60
 _OUTSIDE = 0.02
@@ -54,7 +56,7 @@ class Levels:
     raw
         Height without the corrections for tilt and temperature, m; NaN without echo.
     common_sd
-        What the air's temperature leaves uncertain in the height, the same for neighbours, m.
+        What the air's temperature, or a tilt that is not logged, leaves uncertain in the height, the same for neighbours, m.
     tilt, moving
         Angle to the vertical (rad), whether the tank is being moved.
     why
@@ -161,6 +163,8 @@ def level_course(
     problems: list[QualityFinding] = []
     time, D = _echoes(distance, valid)
     n, moving = _attitude(time, accelerations, problems)
+    told = all(a is not None for a in accelerations)
+    tilt_doubt = 0.0 if told else math.hypot(tank.dx, tank.dy) * _UNKNOWN_TILT
     T, T_sd = _air(time, tank, temperature, problems)
     tilt = tilt_of(n)
     upright = np.where(n[:, 2:] > 0.3, n, np.array([0.0, 0.0, 1.0]))
@@ -184,7 +188,7 @@ def level_course(
         level=np.where(why == USABLE, level, np.nan),
         variance=variance,
         raw=tank.z - D,
-        common_sd=np.where(np.isfinite(D), D, tank.z) * T_sd / (2.0 * T),
+        common_sd=np.hypot(np.where(np.isfinite(D), D, tank.z) * T_sd / (2.0 * T), tilt_doubt),
         tilt=tilt,
         moving=moving,
         why=why,
@@ -255,7 +259,7 @@ def _air(
             "Each kelvin is worth 0.17 % of the distance, about 0.35 mm or 3 mL at 0.2 m."
         )
         problems.append(QualityFinding("warning", text, channel="temperature_air_rap"))
-        return np.full(time.size, tank.reference), 5.0
+        return np.full(time.size, tank.reference), 7.0
     return temperature.at(time), temperature.sd
 
 

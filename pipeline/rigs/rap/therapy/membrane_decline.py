@@ -231,8 +231,8 @@ class _Line:
     def estimates(self, notes: str) -> tuple[Estimate, Estimate]:
         (K_0, a), (sd_K, sd_a), (dof_K, dof_a) = self.values, self.std_error, self.dof
         return (
-            estimate("k_uf_initial", K_0, sd_K, dof=dof_K, reason=notes),
-            estimate("k_uf_decline", a, sd_a, dof=dof_a, reason=notes),
+            estimate("k_uf_initial", K_0, sd_K, dof=float(dof_K), reason=notes),
+            estimate("k_uf_decline", a, sd_a, dof=float(dof_a), reason=notes),
         )
 
     def course(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,9 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.tables import Signal
 
 _TOUCH = 20e-3
-_COUNT = 15
+_COUNT, _SIDE = 15, 30
+# Readings of a touch at most; a longer one is a change.
+_TOUCHED_FOR = 90
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +83,12 @@ def weighed(scale: Signal, density: float, tare: float | None = None) -> Weighed
         text = f"the scale reads {np.median(mass):.0f} kg; is it in grams? The tank holds 2.2 kg."
         problems.append(QualityFinding("error", text, channel="uf_mass_scale"))
     good, steps = _touched(scale.time, mass)
+    off = np.flatnonzero(~good)
+    touches = np.split(off, np.flatnonzero(np.diff(off) > _COUNT) + 1) if off.size else []
+    for touch in [t for t in touches if t.size >= 5][:5]:
+        span = (float(scale.time[touch[0]]), float(scale.time[touch[-1]]))
+        text = f"scale disturbed for {span[1] - span[0]:.0f} s, by up to {1e3 * np.abs(mass[touch] - np.interp(touch, np.flatnonzero(good), mass[good])).max():.0f} g; these readings are not used."
+        problems.append(QualityFinding("warning", text, channel="uf_mass_scale", span=span))
     second = np.diff(mass, 2)
     noise = 1.4826 * float(np.median(np.abs(second - np.median(second)))) / np.sqrt(6.0)
     resolution = np.diff(np.unique(mass))
@@ -119,9 +127,9 @@ def _touched(time: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, list[tuple
     """Return which readings may be used (n,), and lasting jumps of more than 20 g: (moment, kg)."""
     from scipy.ndimage import median_filter
 
-    if mass.size < 4 * _COUNT:
+    if mass.size < 4 * _TOUCHED_FOR:
         return np.ones(mass.size, dtype=bool), []
-    steady = median_filter(mass, 2 * _COUNT + 1, mode="nearest")
+    steady = median_filter(mass, 2 * _TOUCHED_FOR + 1, mode="nearest")
     off = np.abs(mass - steady)
     spread = max(1.4826 * float(np.median(off)), 1e-4)
     good = off < max(8.0 * spread, 0.25 * _TOUCH)
@@ -130,8 +138,11 @@ def _touched(time: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, list[tuple
     groups = np.split(fast, np.flatnonzero(np.diff(fast) > 2 * _COUNT) + 1) if fast.size else []
     for group in groups:
         a, b = int(group[0]), int(group[-1]) + 1
-        before = float(np.median(mass[max(a - _COUNT, 0) : a + 1]))
-        after = float(np.median(mass[b : b + _COUNT]))
-        if abs(after - before) > _TOUCH:
-            steps.append((float(time[b]), after - before))
+        # What runs in meanwhile is no jump: two groups of readings before it tell the slope.
+        first, second = mass[max(a - 2 * _SIDE, 0) : max(a - _SIDE, 1)], mass[max(a - _SIDE, 0) : a + 1]
+        rise = float(np.median(second) - np.median(first)) if a >= 2 * _SIDE else 0.0
+        after = float(np.median(mass[b : b + _SIDE]))
+        step = after - float(np.median(second)) - rise * (_SIDE + b - a) / _SIDE
+        if abs(step) > _TOUCH:
+            steps.append((float(time[b]), step))
     return good, steps

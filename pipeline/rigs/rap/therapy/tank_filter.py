@@ -26,6 +26,8 @@ NOISE = np.array([(0.05e-3) ** 2, 0.02**2 / 3600.0])
 """Variances that drive V (litre^2/s) and the pump's gain (1/s), as eq. 9 has them."""
 GAIN_SD, EMPTY_SD = 0.15, 5e-3
 """Standard deviations at the start: of the gain, and of the volume in a tank that the key says is empty (litre)."""
+# Levels after a fall of which one tells the volume that is left.
+_SOON = 60
 # How well eq. 9's guesses of the noise are believed, standard deviation of the logarithm of the variance.
 _FREE, _HELD = 5.0, 1.4
 
@@ -214,14 +216,16 @@ def track_volume(
     starts = [0, *(int(np.searchsorted(time, e.time)) for e in emptied)]
     ends = [*starts[1:], time.size]
     known = [empty_at_start, *(e.announced for e in emptied)]
+    height = levels.level.copy()
+    for e in emptied:
+        height[(time > e.span[0]) & (time < e.span[1])] = np.nan
     spans = [(a, b, k) for a, b, k in zip(starts, ends, known, strict=True) if b > a]
 
     def filtered(noise_factor: float, driving: np.ndarray) -> list[tuple[TankFilter, Course]]:
         out = []
         for a, b, is_empty in spans:
-            level = _without_wild_start(levels.level[a:b], asked[a:b], tank.area)
-            volume = 0.0 if is_empty else _first_volume(level, tank)
-            sd = EMPTY_SD if is_empty else tank.capacity / LITRE
+            level = _without_wild_start(height[a:b], asked[a:b], tank.area)
+            volume, sd = (0.0, EMPTY_SD) if is_empty else _first_volume(level, tank, after_fall=a > 0)
             one = TankFilter(volume, sd, tank.area, noise=driving, compiled=compiled)
             local = steps[a:b].copy()
             local[0] = 0.0
@@ -248,8 +252,8 @@ def track_volume(
     widening = told.widening
     common = levels.common_sd * tank.area
     # Levels that were too wild even to start from have no innovation.
-    gated = np.concatenate([made.gated | np.isnan(made.innovation) for _, made in courses]) & levels.usable
-    used = levels.usable & ~gated
+    gated = np.concatenate([made.gated | np.isnan(made.innovation) for _, made in courses]) & np.isfinite(height)
+    used = np.isfinite(height) & ~gated
     echoes = np.flatnonzero(used)
     segments = tuple(
         _segment(time, a, b, later[a:b, 0] * LITRE, later_P[a:b], widening, used[a:b], cause, is_empty)
@@ -268,7 +272,7 @@ def track_volume(
         smoothed_sd=widening * np.sqrt(np.maximum(later_P[:, 0, 0], 0.0)) * LITRE,
         smoothed_gain=later[:, 1],
         smoothed_gain_sd=widening * np.sqrt(np.maximum(later_P[:, 1, 1], 0.0)),
-        measured_volume=levels.level * tank.area,
+        measured_volume=height * tank.area,
         innovation=np.concatenate([made.innovation for _, made in courses]),
         innovation_sd=np.concatenate([made.spread for _, made in courses]),
         gated=gated,
@@ -332,11 +336,17 @@ def _without_wild_start(level: np.ndarray, asked: np.ndarray, area: float) -> np
     return out
 
 
-def _first_volume(level: np.ndarray, tank: Tank) -> float:
-    """Return a volume to start from where nothing is known, litre: that of the first level, half the tank without any."""
+def _first_volume(level: np.ndarray, tank: Tank, *, after_fall: bool) -> tuple[float, float]:
+    """Return a volume to start from where no key tells it, and its standard deviation, litre.
+
+    That of the first level, as uncertain as the tank is large; where the levels are lost in a fall, what lies below them.
+    """
     found = np.flatnonzero(np.isfinite(level))
+    if after_fall and not (found.size and found[0] < _SOON):
+        below = max(tank.blind, 2e-3) * tank.area / LITRE
+        return 0.0, 0.5 * below
     height = float(level[found[0]]) if found.size else 0.5 * tank.H
-    return height * tank.area / LITRE
+    return height * tank.area / LITRE, tank.capacity / LITRE
 
 
 def _causes(emptied: Sequence[Emptying], count: int) -> list[str]:

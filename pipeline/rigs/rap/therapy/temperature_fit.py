@@ -16,6 +16,8 @@ from pipeline.rigs.rap.tables import Signal
 _TAU = (120.0, 7200.0)
 _TAU_START = 1000.0
 _FIRST_HOUR = 3600.0
+# A first sample later than that says little of T_0 where the time constant is not known, s.
+_EARLY = 300.0
 # A sensor whose offset nobody has checked, K (1 sigma): the device's own.
 _UNCHECKED = 0.5
 
@@ -103,7 +105,7 @@ def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> Temperat
         Unknown("T_inf", float(T[-1]), float(T[-1]) - 10.0, float(T[-1]) + 10.0, "K"),
         Unknown("tau", _TAU_START, _TAU[0], upper, "s", logarithmic=True),
     ]
-    found = fit(lambda p: housing_temperature(t, p["T_0"], p["T_inf"], p["tau"]) - T, unknowns, starts=4)
+    found = fit(lambda p: housing_temperature(t, p["T_0"], p["T_inf"], p["tau"]) - T, unknowns, starts=2)
     values, sd, dof = found.values, found.std_error, found.dof
     residual_sd = found.sigma
     # Readings in coarse steps repeat the same error: half a step of doubt remains however many there are.
@@ -112,6 +114,8 @@ def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> Temperat
     rise = abs(values["T_inf"] - values["T_0"])
     lost = _why_lost(float(t[0]), span, rise, residual_sd, found.at_bound, sd)
     modelled = housing_temperature(t, values["T_0"], values["T_inf"], values["tau"])
+    if "tau" in lost and "moves" in lost["tau"]:
+        return _flat(source, sensor, lost, step)
     estimates = []
     for name, key in zip(_NAMES, ("T_0", "T_inf", "tau"), strict=True):
         if key in lost:
@@ -131,14 +135,47 @@ def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> Temperat
 _NAMES = ("temperature_initial", "temperature_final", "time_constant")
 
 
+def _flat(source: str, sensor: Signal, lost: dict[str, str], step: float) -> TemperatureFit:
+    """Return what a temperature tells that does not move: its mean."""
+    from pipeline.estimation.uncertainty import effective_size
+
+    T, at = sensor.values, {"source": source}
+    sd = float(T.std(ddof=1))
+    n = effective_size(T)
+    whole = math.hypot(sd / math.sqrt(n), step / math.sqrt(12.0))
+    mean = float(T.mean())
+    initial, final = (
+        undetermined(name, lost[key], at) if key in lost else estimate(name, mean, whole, dof=max(n - 1.0, 1.0), at=at)
+        for name, key in zip(_NAMES[:2], ("T_0", "T_inf"), strict=True)
+    )
+    told = QualityFinding("warning", lost["tau"] + ".", channel=f"temperature_air_{source}")
+    return TemperatureFit(
+        source,
+        initial,
+        final,
+        undetermined(_NAMES[2], lost["tau"], at),
+        sensor.time,
+        T,
+        np.full(T.size, mean),
+        sd,
+        T.size - 1,
+        (told,),
+    )
+
+
 def _why_lost(
     first: float, span: float, rise: float, noise: float, at_bound: tuple[str, ...], sd: dict[str, float]
 ) -> dict[str, str]:
     """Return which numbers of eq. 7 the samples do not tell, and why."""
     lost: dict[str, str] = {}
     if rise < 4.0 * noise or rise < 0.3:
-        reason = f"the temperature moves by only {rise:.2g} K with {noise:.2g} K of noise, so no warming can be timed"
-        lost["tau"] = reason
+        lost["tau"] = (
+            f"the temperature moves by only {rise:.2g} K with {noise:.2g} K of noise, so no warming can be timed"
+        )
+        if first > _EARLY:
+            lost["T_0"] = (
+                f"the first sample stands {first / 60:.0f} min after the start, when the air had warmed already; log from switching on"
+            )
         return lost
     late = first > _FIRST_HOUR / 4
     why = (
@@ -149,7 +186,7 @@ def _why_lost(
     if "tau" in at_bound or not sd["tau"] < _TAU_START or not math.isfinite(sd["tau"]):
         lost["tau"] = why
     for key in ("T_0", "T_inf"):
-        if key in at_bound or not sd[key] < 1.5:
+        if key in at_bound or not sd[key] < 1.5 or (key == "T_0" and "tau" in lost and first > _EARLY):
             lost[key] = why
     return lost
 

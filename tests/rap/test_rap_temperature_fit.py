@@ -1,0 +1,99 @@
+"""Eq. 7 from a handful of samples: covered where they tell it, no number where they do not."""
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.rigs.rap.circuit.thermal import housing_temperature
+from pipeline.rigs.rap.tables import Signal
+from pipeline.rigs.rap.therapy.temperature_fit import air_temperature, compare_temperatures, fit_temperature
+
+TRUTH = (298.15, 303.15, 1200.0)
+TIMES = np.append(np.arange(0.0, 18601.0, 600.0), 18720.0)
+
+
+def sensor(seed, noise, step, offset=0.0, times=TIMES, name="rap"):
+    rng = np.random.default_rng(seed)
+    T = housing_temperature(times, *TRUTH) + offset + noise * rng.standard_normal(times.size)
+    return Signal(f"temperature_air_{name}", times, np.round(T / step) * step if step else T)
+
+
+def device(seed, **kwargs):
+    return sensor(seed, 0.25, 0.125, 0.8, **kwargs)
+
+
+def bench(seed, **kwargs):
+    return sensor(seed + 5000, 0.05, 0.1, name="bench", **kwargs)
+
+
+def test_noise_free_samples_give_the_truth():
+    found = fit_temperature(sensor(0, 0.0, 0.0), "bench")
+    assert [e.value for e in found.estimates] == pytest.approx(TRUTH, rel=1e-6)
+    assert [e.at["source"] for e in found.estimates] == ["bench"] * 3
+
+
+@pytest.mark.parametrize(("make", "offset", "tau_rms"), [(device, 0.8, 130.0), (bench, 0.0, 28.0)])
+def test_the_intervals_hold_the_truth_and_tau_is_as_good_as_the_sheet_says(make, offset, tau_rms):
+    truth = (TRUTH[0] + offset, TRUTH[1] + offset, TRUTH[2])
+    covered, taus = [], []
+    for seed in range(80):
+        found = fit_temperature(make(seed), "rap").estimates
+        covered.append([e.ci95[0] < true < e.ci95[1] for e, true in zip(found, truth, strict=True)])
+        taus.append(found[2].value)
+    assert np.all(np.mean(covered, axis=0) >= 0.9)  # 80 tries of 95 % are 76 +- 2
+    assert np.std(taus) < tau_rms
+
+
+def test_without_the_first_hour_the_time_constant_is_not_told():
+    late = device(1, times=TIMES[TIMES > 3600.0])
+    found = fit_temperature(late, "rap")
+    assert found.time_constant.value is None
+    assert found.initial.value is None
+    assert found.final.value == pytest.approx(303.95, abs=0.3)
+    if found.time_constant.reason:
+        assert "K" in found.time_constant.reason or "first hour" in found.time_constant.reason
+    assert found.problems
+
+
+def test_a_temperature_that_does_not_move_times_no_warming():
+    flat = Signal("temperature_air_rap", TIMES, 299.0 + 0.25 * np.random.default_rng(1).standard_normal(TIMES.size))
+    found = fit_temperature(flat, "rap")
+    assert found.time_constant.value is None
+    assert "moves by only" in found.time_constant.reason
+
+
+def test_three_samples_tell_nothing():
+    found = fit_temperature(device(1, times=TIMES[:3]), "rap")
+    assert all(e.value is None for e in found.estimates)
+    assert "3 samples" in found.initial.reason
+
+
+def test_the_error_is_in_kelvin_and_in_the_papers_percentage():
+    rap = Signal("temperature_air_rap", TIMES, np.full(TIMES.size, 301.15))
+    other = Signal("temperature_air_bench", TIMES, np.full(TIMES.size, 300.15))
+    found = compare_temperatures(rap, other)
+    assert found.largest.value == pytest.approx(1.0)
+    assert found.percent_max == pytest.approx(100.0 / 27.0)
+    assert found.bias.value == pytest.approx(1.0)
+
+
+def test_the_bias_is_found_and_the_largest_error_lies_where_the_sheet_has_it():
+    found = [compare_temperatures(device(s), bench(s)) for s in range(40)]
+    assert np.mean([f.bias.value for f in found]) == pytest.approx(0.8, abs=0.02)
+    assert np.min([f.percent_max for f in found]) > 3.5
+    assert np.max([f.percent_max for f in found]) < 6.5
+    assert np.mean([f.bias.ci95[0] < 0.8 < f.bias.ci95[1] for f in found]) > 0.85
+
+
+def test_records_that_do_not_overlap_are_refused():
+    with pytest.raises(InputError, match="overlap"):
+        compare_temperatures(device(1), bench(1, times=TIMES + 1e6))
+
+
+def test_the_air_is_the_benchs_where_there_is_one():
+    best = air_temperature(device(1), bench(1))
+    assert best.at(np.array([1200.0]))[0] == pytest.approx(housing_temperature(1200.0, *TRUTH), abs=0.1)
+    assert "bench" in best.source
+    alone = air_temperature(device(1), None)
+    assert alone.sd > best.sd
+    assert air_temperature(None, None) is None
