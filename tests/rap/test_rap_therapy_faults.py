@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rap_therapy_known import altered, cut, faults, found, made, said, short
 
 from pipeline.errors import InputError
 from pipeline.recording import Stream
 from pipeline.rigs.rap.therapy.check import check
 from pipeline.rigs.rap.therapy.faults import examined
-from rap_therapy_known import altered, cut, faults, found, made, said, short
 
 
 def removed(run: object) -> dict[str, str]:

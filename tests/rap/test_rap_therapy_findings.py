@@ -6,14 +6,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from rap_therapy_known import altered, faults, found, made, said, short
 
-from pipeline.findings import Findings
+from pipeline.findings import Findings, Parameter
 from pipeline.recording import Recording
 from pipeline.report.page import render_report
 from pipeline.rigs.rap.synthetic.rig import synthesize_therapy
 from pipeline.rigs.rap.therapy.declaration import THERAPY, TherapySettings
 from pipeline.rigs.rap.therapy.outcome.thinning import envelope, picked, spans
-from rap_therapy_known import altered, faults, found, made, said, short
 
 DEVICE_LATE = 3.37
 ALARMS = {
@@ -24,6 +24,11 @@ ALARMS = {
     "ACCESS_DISCONNECTED": 720.0,
     "MEMBRANE_COAGULATION": 850.0,
 }
+
+
+def number(parameter: Parameter) -> float:
+    assert parameter.value is not None
+    return parameter.value
 
 
 @cache
@@ -67,7 +72,7 @@ def test_units_are_those_of_the_declaration() -> None:
 
 @pytest.mark.parametrize("alarm", ALARMS)
 def test_injected_fault_raises_its_alarm_alone_and_in_time(alarm: str) -> None:
-    times = [p.value for p in campaign().find("alarm_time", run="rap_faults", alarm=alarm)]
+    times = [number(p) for p in campaign().find("alarm_time", run="rap_faults", alarm=alarm)]
     assert len(times) == 1
     delay = times[0] - (ALARMS[alarm] - DEVICE_LATE)
     assert 0.9 < delay < 5.0
@@ -105,13 +110,13 @@ def test_energy_is_power_over_time() -> None:
 
 
 def test_temperature_of_the_device_is_off_by_its_offset() -> None:
-    final = {s: campaign().one("temperature_final", run="rap_tank_motion", source=s).value for s in ("rap", "bench")}
+    final = {s: number(campaign().one("temperature_final", run="rap_tank_motion", source=s)) for s in ("rap", "bench")}
     assert final["bench"] == pytest.approx(303.15, abs=0.1)
     assert final["rap"] - final["bench"] == pytest.approx(0.8, abs=0.35)
 
 
 def test_volume_on_the_move_is_within_what_is_asked() -> None:
-    assert campaign().one("uf_volume_error_rms", run="rap_tank_motion").value < 1.5e-6
+    assert number(campaign().one("uf_volume_error_rms", run="rap_tank_motion")) < 1.5e-6
     assert campaign().one("uf_volume_final", run="rap_tank_motion").value == pytest.approx(0.9e-3, abs=4e-6)
 
 
