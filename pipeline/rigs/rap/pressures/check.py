@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.rap.pressures.declaration import PressuresSettings
 from pipeline.rigs.rap.pressures.identify import looked_at
 
 
@@ -16,4 +17,4 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
     InputError
         If this run alone leaves nothing to identify.
     """
-    return looked_at(recording)[1]
+    return looked_at(recording, PressuresSettings())[1]

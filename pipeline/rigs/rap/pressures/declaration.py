@@ -31,6 +31,13 @@ class PressuresSettings(Settings):
         MMHG, gt=0, le=5e3, description="the device's offset is good where its whole interval is that close to 0, Pa"
     )
 
+    device_gain_u: float = Field(
+        0.02,
+        ge=0,
+        le=0.5,
+        description="relative standard uncertainty of the device's pressure gains where no bench tells them (type B): the circuit's constants then rest on them",
+    )
+
 
 OPERATING = (
     ConditionSpec("channel", "", "pressure tap: access, prefilter, return or uf"),

@@ -41,7 +41,7 @@ def identify(recordings: Sequence[Recording], settings: PressuresSettings, conte
     found = _Sorted()
     for number, recording in enumerate(recordings):
         context.progress(0.9 * number / len(recordings), f"clock, agreement and hydraulics of {recording.run}")
-        _sort(recording, found)
+        _sort(recording, settings, found)
     if not found.runs:
         raise InputError(nothing_usable(found.left_out, recordings))
     context.progress(0.9, "tables")
@@ -69,10 +69,10 @@ def identify(recordings: Sequence[Recording], settings: PressuresSettings, conte
     )  # fmt: skip
 
 
-def _sort(recording: Recording, found: _Sorted) -> None:
+def _sort(recording: Recording, settings: PressuresSettings, found: _Sorted) -> None:
     """Find the numbers of one run, or why it has none."""
     try:
-        numbers, noticed = looked_at(recording)
+        numbers, noticed = looked_at(recording, settings)
     except InputError as error:
         found.left_out[recording.run] = str(error)
         found.quality.append(QualityFinding("error", f"left out: {error}", recording.run))
@@ -84,7 +84,7 @@ def _sort(recording: Recording, found: _Sorted) -> None:
         found.runs.append(numbers)
 
 
-def looked_at(recording: Recording) -> tuple[RunNumbers | str, list[QualityFinding]]:
+def looked_at(recording: Recording, settings: PressuresSettings) -> tuple[RunNumbers | str, list[QualityFinding]]:
     """Return the numbers of a run, or why it is left out, and what was noticed.
 
     Raises
@@ -102,5 +102,5 @@ def looked_at(recording: Recording) -> tuple[RunNumbers | str, list[QualityFindi
     faults = data_faults(record)
     if faults.refused:
         return "; ".join(text.rstrip(".") for text in faults.refused), list(faults.findings)
-    numbers = run_numbers(record, faults)
+    numbers = run_numbers(record, faults, settings)
     return numbers, [*faults.findings, *numbers.findings]

@@ -16,6 +16,7 @@ from pipeline.rigs.rap.pressures.aligned import Aligned, aligned
 from pipeline.rigs.rap.pressures.bubble import bubble_faults
 from pipeline.rigs.rap.pressures.coherence import AtSetPoint, coherence_at_lines
 from pipeline.rigs.rap.pressures.data_faults import DataFaults
+from pipeline.rigs.rap.pressures.declaration import PressuresSettings
 from pipeline.rigs.rap.pressures.deming import Deming, deming
 from pipeline.rigs.rap.pressures.leftover import leftover, leftover_faults
 from pipeline.rigs.rap.pressures.levels import Level, SetPoints, levels_of
@@ -88,7 +89,7 @@ class RunNumbers:
         return self.record.run
 
 
-def run_numbers(record: Record, faults: DataFaults) -> RunNumbers:
+def run_numbers(record: Record, faults: DataFaults, settings: PressuresSettings) -> RunNumbers:
     """Find the numbers of a run whose channels are sound.
 
     Raises
@@ -118,7 +119,7 @@ def run_numbers(record: Record, faults: DataFaults) -> RunNumbers:
             taps[pair.name] = _tap(pair, alignment, levels, passages, record)
             no_tap.pop(pair.name, None)
         found += bubble_faults(record.run, alignment, passages, [numbers.aligned for numbers in taps.values()])
-    circuit = circuit_of(record, faults.sound, alignment if clock_known else None, levels)
+    circuit = circuit_of(record, faults.sound, alignment if clock_known else None, levels, settings.device_gain_u)
     checks = _checks(taps, alignment, passages, circuit)
     found += _left(record, taps, checks, found)
     return RunNumbers(
