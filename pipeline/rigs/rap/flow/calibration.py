@@ -17,7 +17,7 @@ from pipeline.rigs.rap.flow.windows import FlowWindows
 
 # The spread over left-out set-points counts where it is that many times what the scatter of operating points explains: with three
 # set-points half of that is chance.
-_CLEARLY = 2.0
+_CLEARLY = 1.3
 # Set-points closer than that (share of the frequency) are one speed.
 ONE_SPEED = 0.05
 Columns = Callable[[FlowWindows], np.ndarray]

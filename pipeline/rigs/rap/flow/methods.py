@@ -62,7 +62,7 @@ def _uncertainty(findings: Findings) -> str:
         parts.append(f"{meter['zero_u']:.0f} Pa of unknown zero (E3)")
     return (
         "Standard errors of coefficients come from the scatter of operating points (means of one speed and clamp setting; a law's misfit lies there and not in the "
-        "noise of windows), or from the spread of the coefficients over left-out set-points where that is more than twice as large. The covariance of a fit to all windows would be several times too small. "
+        "noise of windows), or from the spread of the coefficients over left-out set-points where that is clearly larger. The covariance of a fit to all windows would be several times too small. "
         f"Type B is added: {listing(parts)}. Flows carry the error of operating points that were left out, and where the meter contradicts them that difference. Errors relative "
         "to the meter are statistics of the windows and carry no interval."
     )
