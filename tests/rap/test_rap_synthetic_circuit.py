@@ -200,6 +200,11 @@ def test_same_seed_gives_the_same_logs_and_another_one_others() -> None:
         ({"faults": ["swaped"]}, "Did you mean 'swapped'?"),
         ({"faults": [{"kind": "stuck", "strat": 3.0}]}, "Did you mean 'start'?"),
         ({"flowmeter_location": "middle"}, "expected access or return"),
+        ({"flows": 1e-6}, "expected a list of numbers"),
+        ({"flows": [1e-6, -1e-6]}, "flows and clamps are more than 0"),
+        ({"duration": 40.0}, "less than 10 s for each"),
+        ({"mismatches": [("access", 10.0)]}, "rows of 5 entries"),
+        ({"mismatches": [("acess", 10.0, 20.0, 5.0, 0.0)]}, "a mismatch begins with one of access"),
     ],
 )
 def test_a_truth_that_makes_no_rig_is_refused(truth: dict[str, Any], said: str) -> None:

@@ -96,10 +96,3 @@ def floor_margin(tank: Tank, n: np.ndarray) -> np.ndarray:
     The mirror image holds at the rim: above ``H`` less this the liquid touches it.
     """
     return np.asarray((np.abs(n[..., 0]) * tank.Lx + np.abs(n[..., 1]) * tank.Ly) / (2.0 * n[..., 2]))
-
-
-def level_holds(tank: Tank, h_c: Any, n: np.ndarray, largest_tilt: float = LARGEST_TILT) -> np.ndarray:
-    """Tell where eq. 8 holds, shape (n,): over the blind level, surface clear of floor and rim, tilt below 12 deg."""
-    h_c, margin = np.asarray(h_c), floor_margin(tank, n)
-    clear = (h_c > margin) & (h_c < tank.H - margin)
-    return np.asarray((h_c > tank.blind) & clear & (tilt_of(n) < largest_tilt) & (n[..., 2] > 0.0))

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.recording import Channel, Recording, Stream
 from pipeline.rigs.overridden import overridden
-from pipeline.rigs.rap.synthetic.truth import RIG
+from pipeline.rigs.rap.synthetic.truth_check import RIG
 
 _TOGETHER = 1e-6
 

@@ -17,7 +17,8 @@ from pipeline.errors import InputError, listing, nearest
 from pipeline.rigs.rap.circuit.hydraulics import Circuit
 from pipeline.rigs.rap.synthetic.plant import TICK, Drive
 from pipeline.rigs.rap.synthetic.tank_course import Drain, Surroundings
-from pipeline.rigs.rap.synthetic.truth import RIG, RigTruth
+from pipeline.rigs.rap.synthetic.truth import RigTruth
+from pipeline.rigs.rap.synthetic.truth_check import RIG
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from pipeline.rigs.rap.synthetic.bench_run import device_clock, marched, pump_co
 from pipeline.rigs.rap.synthetic.drives import Change, Step, drive_of
 from pipeline.rigs.rap.synthetic.events import Event, events_table
 from pipeline.rigs.rap.synthetic.readings import stream
-from pipeline.rigs.rap.synthetic.truth import RIG, FlowTruth, circuit_of, pump_of
+from pipeline.rigs.rap.synthetic.truth import FlowTruth, circuit_of, pump_of
+from pipeline.rigs.rap.synthetic.truth_check import RIG
 
 # Name of the run, which set it belongs to, which tube.
 _SETS = {

@@ -9,7 +9,8 @@ from typing import Any
 
 from pipeline.errors import InputError, listing, nearest
 from pipeline.rigs.rap.circuit.tank import EchoModel, Tank
-from pipeline.rigs.rap.synthetic.truth import ML_MIN, RIG, RigTruth, truth_of
+from pipeline.rigs.rap.synthetic.truth import ML_MIN, RigTruth, truth_of
+from pipeline.rigs.rap.synthetic.truth_check import RIG
 
 RUNS = ("rap_therapy_312", "rap_tank_motion", "rap_faults")
 # What a clot, a clamp or a disconnection does to the circuit, and the alarm that it should give.
@@ -45,16 +46,16 @@ class TherapyTruth(RigTruth):
         See `Tank`.
     initial_volume
         What is in the tank at the start of R4, m^3.
-    level_noise, level_lsb, wild_echoes
-        Ultrasonic sensor: 1 sigma and step (m); share of echoes that are anything.
+    level_noise, level_lsb, level_offset, wild_echoes
+        Ultrasonic sensor: 1 sigma, step, how much too high it puts the level (m); share of echoes that are anything.
     pitch, roll, accel_noise
         How the tank stands in R4; accelerometer's noise (m/s^2).
     temperature_initial, temperature_final, temperature_time
         Air in housing and tank, eq. 7.
     temperature_offset, temperature_noise, temperature_lsb, temperature_step
         The device's sensor (K) and how often it is logged (s); ``bench_temperature_*`` the bench's.
-    scale_noise, scale_tare
-        Scale, kg.
+    scale_noise, scale_gain, scale_tare
+        Scale: 1 sigma (kg), gain, what it reads of an empty tank (kg).
     power, power_scatter, battery_energy, battery_efficiency, battery_resistance, battery_noise
         Mean power (W) and its relative scatter; the battery (J, 1, ohm); relative noise of voltage and current.
     motion_duration, motion_volume, motion_pitch, motion_period, motion_pitch_scatter, motion_roll_scatter, motion_memory
@@ -65,6 +66,8 @@ class TherapyTruth(RigTruth):
         R6: s; (alarm, start, end) of each of `EPISODES`; (start, end) of each pause.
     injections
         R6: (alarm, start, end) of each of `INJECTIONS`; the device stops its pumps at once.
+    fault_mismatches
+        R6: as `mismatches`, on top of these.
     alarm_delay, alarm_reaction
         R6: how late the device logs an alarm (s), and whether it stops its pumps then.
     """

@@ -5,19 +5,17 @@ All values are assumed; none is a finding about the real device.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
-from pipeline.errors import InputError
 from pipeline.rigs.overridden import overridden
 from pipeline.rigs.rap.circuit.hydraulics import Circuit
 from pipeline.rigs.rap.circuit.pump import Pump
 from pipeline.rigs.rap.conditions import TAPS
+from pipeline.rigs.rap.synthetic.truth_check import RIG, check
 
 ML_MIN = 1e-6 / 60.0
-RIG = "synthetic ultrafiltration device"
 
 
 @dataclass(frozen=True)
@@ -193,51 +191,8 @@ def truth_of(usual: AnyTruth, overrides: Mapping[str, Any]) -> AnyTruth:
         If a field is unknown (names the nearest), or a number makes no rig.
     """
     truth = overridden(usual, overrides, RIG)
-    _check(truth)
+    check(truth)
     return truth
-
-
-# What may be zero or negative; every other number is more than 0.
-_SIGNED = (
-    *(f"{name}_{tap}" for name in ("offset", "height") for tap in TAPS),
-    *("bench_offset", "tube_change", "device_lag", "device_ppm", "bench_ppm", "scale_lag", "scale_ppm", "skew", "a"),
-    *("level_sensor_dx", "level_sensor_dy", "level_offset", "pitch", "roll", "temperature_offset", "scale_tare", "fouling"),
-    *("motion_pitch",),
-)  # fmt: skip
-_ZERO_OR_MORE = (
-    "V_d0", "C_p", "heparin_flow", "speed_scatter", "sensor_noise", "adc_noise", "bench_noise", "device_lsb", "bench_lsb",
-    "device_jitter", "bench_jitter", "scale_jitter", "meter_noise", "zero_time", "stop_time", "uf_flow", "wear", "pump_gain_scatter", "loop_least", "tank_blind_level",
-    "initial_volume", "level_noise", "level_lsb", "wild_echoes", "accel_noise", "temperature_noise", "temperature_lsb",
-    "bench_temperature_noise", "bench_temperature_lsb", "scale_noise", "power_scatter", "battery_resistance", "battery_noise",
-    "motion_volume", "motion_pitch_scatter", "motion_roll_scatter", "walking_time", "walking_accel", "slosh", "alarm_delay",
-)  # fmt: skip
-_LONGEST = 86400.0
-
-
-def _check(truth: RigTruth) -> None:
-    for field in fields(truth):
-        value = getattr(truth, field.name)
-        if isinstance(value, bool) or not isinstance(value, int | float) or field.name in _SIGNED:
-            continue
-        zero = field.name in _ZERO_OR_MORE
-        if not math.isfinite(value) or value < 0.0 or (value == 0.0 and not zero):
-            raise InputError(
-                f"'{field.name}' of the {RIG} is {value!r}; expected {'0 or more' if zero else 'more than 0'}."
-            )
-    wrong = (
-        (truth.w > 1.0, f"'w' is {truth.w!r}; expected up to 1: back suction is over before the next passage"),
-        (not truth.eps, "'eps' is empty; expected a number for each roller"),
-        (
-            truth.flowmeter_location not in ("access", "return"),
-            f"'flowmeter_location' is {truth.flowmeter_location!r}; expected access or return",
-        ),
-        (max(truth.device_jitter * truth.device_rate, truth.bench_jitter * truth.bench_rate) > 0.1,
-         "the jitter of the stamps is more than a tenth of the step"),
-        (float(getattr(truth, "duration", 1.0)) > _LONGEST, f"'duration' is more than {_LONGEST:g} s"),
-    )  # fmt: skip
-    for is_wrong, what in wrong:
-        if is_wrong:
-            raise InputError(f"the {RIG}: {what}.")
 
 
 def circuit_of(truth: RigTruth) -> Circuit:
