@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.recording import QualityFinding
-from pipeline.rigs.rap.alignment.by_lines import ByLines, by_lines
+from pipeline.rigs.rap.alignment.by_lines import ByLines, by_lines, clock_step, wander
 from pipeline.rigs.rap.alignment.clock import Clock
 from pipeline.rigs.rap.alignment.coarse import AMBIGUOUS, SEARCH, coarse_lag
 from pipeline.rigs.rap.alignment.fine import model_of
@@ -28,6 +28,8 @@ BENCH_POLE, BENCH_POLE_SD = 5e-3, 5e-3
 _SENSOR_DELAY, _OTHER_DELAY = 0.02, 0.25
 # A peak below it is no agreement of two courses.
 _LEAST_PEAK = 0.5
+# A lag from the pump's lines with a larger standard error is none, s.
+_LARGEST_ERROR = 0.1
 # Told from that drift, relative, and that jitter, s, on.
 _DRIFT, _JITTER = 10e-6, 5e-4
 
@@ -56,13 +58,20 @@ def align(pairs: Sequence[Pair], bench_pole: float | None = None, search: float 
             "no channel of the device can be laid beside one of the bench: both must have 20 samples at least, and move. "
             "Log a pressure on both."
         )
-    coarse = coarse_lag(usable, search)
+    own = [pair for pair in usable if not pair.copied]
+    coarse = coarse_lag(own or usable, search)
+    if not own:
+        return _nothing(usable, coarse, bench_pole, _COPIED)
+    usable = own
     if not coarse.peak >= _LEAST_PEAK:
         return _nothing(usable, coarse, bench_pole)
     alike = [pair for pair in usable if pair.alike and pair.name not in coarse.flipped]
     pole = BENCH_POLE if bench_pole is None else bench_pole
     found = by_lines(alike, coarse, pole) if alike else None
     if found is not None:
+        jump = clock_step(found.track)
+        if jump is not None:
+            return _nothing(usable, coarse, bench_pole, _stepped(*jump))
         return _from_lines(found, coarse, bench_pole is not None, search)
     return _from_steps(usable, coarse, feature_lags(usable, coarse.lag), bench_pole, search)
 
@@ -82,6 +91,10 @@ def _from_lines(found: ByLines, coarse: Coarse, stated: bool, search: float) -> 
         type_b["delay"] = math.hypot(type_b["delay"], shaken / math.sqrt(count))
         if "rate" in names:
             type_b["rate"] = math.hypot(type_b["rate"], shaken * math.sqrt(12.0 / count) / span)
+    strays = wander(found.track)
+    type_b["delay"] = math.hypot(type_b["delay"], strays)
+    if strays and "rate" in names:
+        type_b["rate"] = math.hypot(type_b["rate"], strays * math.sqrt(12.0) / float(np.ptp(found.track.time)))
     dof = fit.covariance.dof
     sd = {name: float(np.hypot(fit.std_error[name], type_b[name])) for name in names}
     covariance = np.diag([sd["delay"] ** 2, sd.get("rate", 100e-6) ** 2])
@@ -91,6 +104,11 @@ def _from_lines(found: ByLines, coarse: Coarse, stated: bool, search: float) -> 
     clock = Clock(below.reference, below.lag + fit.values["delay"], below.rate + fit.values["rate"], covariance)
     stroke = float(1.0 / np.nanmedian(found.strokes.frequency))
     doubt = _doubt(coarse, stroke, found.sure)
+    if not sd["delay"] < _LARGEST_ERROR:
+        doubt = (
+            doubt
+            or f"the pump's lines tell the lag no better than to {sd['delay']:.2g} s: pulsation is hardly seen on both sides"
+        )
     remark = (
         ""
         if stated
@@ -105,6 +123,13 @@ def _from_lines(found: ByLines, coarse: Coarse, stated: bool, search: float) -> 
         )
     )
     told = list(_told_coarse(coarse, search)) + _told_clock(clock, found.track, doubt)
+    if strays:
+        told.append(
+            QualityFinding(
+                "warning",
+                f"the clocks do not drift evenly: the lag strays from a straight line by {1e3 * strays:.1f} ms rms; lag and rate carry it",
+            )
+        )
     if not stated:
         told.append(QualityFinding("note", f"{remark}; lag and pole carry it"))
     for name in found.strange:
@@ -229,12 +254,27 @@ def _line(features: Features, reference: float) -> tuple[float, float, float, np
     return float(solution[0]), float(solution[1]), sd if dof > 0 else math.nan, normal, max(dof, 1)
 
 
-def _nothing(pairs: Sequence[Pair], coarse: Coarse, bench_pole: float | None) -> Alignment:
-    reason = (
+_COPIED = (
+    "the bench's pressures are the device's, number for number: a copy tells nothing of its clock nor of its sensors; "
+    "log the bench's own readings"
+)
+
+
+def _stepped(time: float, size: float) -> str:
+    return (
+        f"the device's clock (or the bench's) steps by about {1e3 * size:+.0f} ms, or that and whole strokes, about {time:.0f} s or later: no one lag "
+        "holds. Cut both logs there and identify the parts as runs of their own"
+    )
+
+
+def _nothing(pairs: Sequence[Pair], coarse: Coarse, bench_pole: float | None, why: str = "") -> Alignment:
+    reason = why or (
         f"nothing that starts, stops or steps is seen alike by device and bench (best correlation {coarse.peak:.2f} of 1)"
         if math.isfinite(coarse.peak)
         else "the stamps of device and bench share nothing that moves"
-    ) + ": check that both logs are of the same run, and include a pump start"
+    )
+    if not why:
+        reason += ": check that both logs are of the same run, and include a pump start"
     middle = 0.5 * float(pairs[0].bench.time[0] + pairs[0].bench.time[-1])
     return Alignment(
         clock=Clock(middle, 0.0),

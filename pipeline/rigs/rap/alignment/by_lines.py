@@ -28,6 +28,10 @@ _GAIN, _STEPS = (0.7, 1.4), (0.85, 1.18)
 # A pole to start from, s; the coarse lag is right to that, s.
 _POLE, _COARSE = 0.02, 0.05
 _FEWEST_ROWS, _FEWEST_WINDOWS = 6, 2
+# A clock steps where the lag of so many windows behind differs from those before by that, s, and by so many of its errors.
+_SIDE, _STEP, _CLEAR = 3, 3e-3, 10.0
+# A lag that strays from a line by less is not told, s.
+_WANDER = 0.5e-3
 # Even stamps are taken where the residual's square falls by that share.
 _BETTER = 2e-3
 
@@ -105,6 +109,39 @@ def by_lines(pairs: Sequence[Pair], coarse: Coarse, bench_pole: float) -> ByLine
         bench_pole,
         with_rate,
     )
+
+
+def clock_step(track: Track) -> tuple[float, float] | None:
+    """Return when a clock steps (s on the bench's) and by how much (s); None where the lag follows a line.
+
+    The medians of some windows before and behind each moment are compared; drift is taken off.
+    """
+    n, time, lag = track.time.size, track.time, track.lag
+    if n < 2 * _SIDE + 2:
+        return None
+    rate = float(np.median(np.diff(lag) / np.maximum(np.diff(time), 1e-9)))
+    flat = lag - rate * (time - time[0])
+    places = np.arange(_SIDE, n - _SIDE + 1)
+    jumps = np.array([np.median(flat[k : k + _SIDE]) - np.median(flat[k - _SIDE : k]) for k in places])
+    usual = 1.4826 * float(np.median(np.abs(np.diff(flat)))) / np.sqrt(2.0)
+    most = int(np.argmax(np.abs(jumps)))
+    if not abs(jumps[most]) > max(_STEP, _CLEAR * usual):
+        return None
+    return float(time[places[most]]), float(jumps[most])
+
+
+def wander(track: Track) -> float:
+    """Return how far the lag strays from one line beyond its noise, rms in s; 0 where it does not."""
+    n, time, lag = track.time.size, track.time, track.lag
+    if n < 2 * _SIDE + 2:
+        return 0.0
+    left = lag - np.polyval(np.polyfit(time - time[0], lag, 1), time - time[0])
+    size = 2 * _SIDE - 1
+    smooth = np.median(np.lib.stride_tricks.sliding_window_view(left, size), axis=1)
+    usual = 1.4826 * float(np.median(np.abs(np.diff(left)))) / np.sqrt(2.0)
+    strays = float(np.sqrt(np.mean(smooth**2)))
+    # The median of five scatters by about 0.54 of one.
+    return strays if strays > max(_WANDER, 2.0 * 0.54 * usual) else 0.0
 
 
 def _windows(turning: Pump, first: float, last: float) -> Windows:

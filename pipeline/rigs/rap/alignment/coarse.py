@@ -17,8 +17,8 @@ from pipeline.rigs.rap.alignment.result import Coarse
 SEARCH = 30.0
 """How far stamps of one run lie apart at the most, s; beyond it is looked only where nothing is found within."""
 AMBIGUOUS = 0.9
-# A correlation below it is none.
-_LEAST = 0.5
+# Below that correlation lags beyond the usual are tried as well.
+_GOOD = 0.9
 # A pair counts where its correlation is that high; against the others where it is that low.
 _AGAINST = 0.7
 # Over that time a feature must change the level by this share of the largest pulsation, s and 1.
@@ -44,9 +44,9 @@ def coarse_lag(pairs: Sequence[Pair], search: float = SEARCH) -> Coarse:
     courses = [(pair, course(pair.device, step), course(pair.bench, step)) for pair in pairs]
     featured = _featured(courses)
     found = _best(courses, -search, search)
-    if found is None or found.peak < _LEAST:
+    if found is None or found.peak < _GOOD:
         wide = _best(courses, -np.inf, np.inf)
-        if wide is not None and (found is None or wide.peak > found.peak + 0.2):
+        if wide is not None and (found is None or wide.peak > found.peak + 0.1):
             found = replace(wide, wide=True)
     if found is not None and found.peak >= _FOUND_ROUGHLY:
         found = _about_one_feature(courses, found) or found
@@ -134,14 +134,16 @@ def _best(courses: Sequence[tuple[Pair, Course, Course]], lowest: float, highest
         at, value = correlation(device, bench, lowest, highest)
         if not np.isfinite(value).any():
             continue
-        extreme = int(np.nanargmax(np.abs(value)))
-        each.append((pair, at, value, np.sign(value[extreme]), min(_prominence(device), _prominence(bench))))
+        extreme = float(value[int(np.nanargmax(np.abs(value)))])
+        # What is alike rises and falls together; only where there is nothing to compare with is a flipped one followed.
+        sign = float(np.sign(extreme)) if len(courses) == 1 or not pair.alike else 1.0
+        each.append((pair, at, value, sign, min(_prominence(device), _prominence(bench))))
         lags = at if lags is None else lags
     if lags is None:
         return None
     grid = np.round(lags / courses[0][1].step) * courses[0][1].step if len(each) > 1 else lags
     weight, total = np.zeros(grid.size), np.zeros(grid.size)
-    flipped = []
+    singles = []
     for pair, at, value, sign, prominence in each:
         known = np.isfinite(value)
         on_grid = np.interp(grid, at[known], sign * value[known], left=np.nan, right=np.nan)
@@ -149,10 +151,17 @@ def _best(courses: Sequence[tuple[Pair, Course, Course]], lowest: float, highest
         inside = np.isfinite(on_grid)
         total[inside] += power * on_grid[inside]
         weight[inside] += power
-        if pair.alike and sign < 0 and float(np.nanmax(np.abs(value))) > _AGAINST:
-            flipped.append(pair.name)
+        if pair.alike:
+            singles.append((pair.name, sign * on_grid))
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(weight > 0.5 * weight.max(), total / weight, np.nan)
+    best = int(np.argmax(np.where(np.isfinite(mean), mean, -2.0)))
+    flipped = [name for name, value in singles if value[best] < -_AGAINST]
+    if flipped and len(flipped) < len(singles):
+        # Without those that run against the others the peak is what the others tell.
+        others = [one for one in courses if one[0].name not in flipped]
+        again = _best(others, lowest, highest)
+        return replace(again, flipped=tuple(flipped)) if again is not None else None
     return _peaks(courses, grid, mean, tuple(flipped))
 
 

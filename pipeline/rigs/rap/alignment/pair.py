@@ -30,6 +30,12 @@ class Pair:
         both = (self.device, self.bench)
         return all(s.time.size >= 20 and float(np.ptp(s.values)) > 0.0 for s in both)
 
+    @property
+    def copied(self) -> bool:
+        """Tell whether one is a copy of the other, number for number."""
+        ours, theirs = self.device.values, self.bench.values
+        return ours.size == theirs.size and bool(np.array_equal(ours, theirs))
+
 
 def pairs_of(recording: Recording, without: Collection[str] = ()) -> tuple[Pair, ...]:
     """Return the pressures that both device and bench read; where there is none, a pressure and the flow meter.

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 # Samples either side over which the grid is taken; steps within that share of the usual one belong to one stretch.
-_HALF = 2000
+_HALF = 400
 _SAME = 0.5
 # Fewer samples than that in a stretch are left as they are.
 _FEWEST = 20

@@ -144,7 +144,8 @@ def _line(
     significant = value > spectra.coherence_threshold()
     half = t_quantile(dof) * sd
     interval = (math.tanh(max(size - half, 0.0)) ** 2 if significant else 0.0, math.tanh(size + half) ** 2)
-    error = 2.0 * math.sqrt(value) * (1.0 - value) * sd
+    # The distribution is skew: the error is that which the interval spans.
+    error = 0.5 * (interval[1] - interval[0]) / t_quantile(dof)
     where: dict[str, float | str | bool] = {"channel": name, "harmonic": float(k)}
     if flow_set is not None:
         where["flow_set"] = flow_set

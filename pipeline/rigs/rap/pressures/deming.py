@@ -18,6 +18,10 @@ from pipeline.rigs.rap.pressures.levels import Level
 # Means of fewer windows, or over a smaller share of their scatter, tell no line.
 _FEWEST, _FEWEST_BLOCKS, _LEAST_RANGE = 8, 4, 20.0
 _SEGMENT = 20.0
+# Samples at rest that are enough to tell noise.
+_AT_REST = 100
+# Share of the bins of a segment that lie between the pump's lines for sure.
+_QUIET = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +68,7 @@ def deming(one: Aligned, levels: Sequence[Level], bench_gain_u: float | None = N
         Relative standard uncertainty of the bench's gain (type B); None where not stated.
     """
     means = means_of(one, levels)
-    noise = (noise_of(one.device, one.good, one.rate), noise_of(one.plain, one.good, one.rate))
+    noise = (_noise(one, one.device, levels), _noise(one, one.plain, levels))
     ratio = (noise[0] / noise[1]) ** 2 if noise[1] > 0 else 1e6
     at = {"channel": one.name}
     scatter = np.hypot(*noise) / np.sqrt(max(one.rate, 1.0) * 5.0)
@@ -134,6 +138,16 @@ def _line(sums: np.ndarray, ratio: float, shift: tuple[float, float]) -> np.ndar
     return np.array([gain, shift[1] + y / n - gain * (shift[0] + x / n)])
 
 
+def _noise(one: Aligned, values: np.ndarray, levels: Sequence[Level]) -> float:
+    """Return the noise of a sample, Pa: where the pump stands if it does, under the pulsation otherwise."""
+    for level in levels:
+        inside = one.good & (one.time >= level.start) & (one.time <= level.end)
+        if level.steady and not level.turning and inside.sum() >= _AT_REST:
+            time = one.time[inside] - level.start
+            return float(np.std(values[inside] - np.polyval(np.polyfit(time, values[inside], 1), time), ddof=2))
+    return noise_of(values, one.good, one.rate)
+
+
 def noise_of(values: np.ndarray, good: np.ndarray, rate: float) -> float:
     """Return the standard deviation of the white noise under a pulsating signal, from the floor of its spectrum.
 
@@ -151,8 +165,8 @@ def noise_of(values: np.ndarray, good: np.ndarray, rate: float) -> float:
     hann = np.hanning(size + 1)[:-1]
     power = np.abs(np.fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * hann, axis=1)) ** 2 / float(hann @ hann)
     above = power[:, np.fft.rfftfreq(size, 1.0 / rate) > 0.5]
-    from scipy.special import gammaincinv
-
-    # Periodograms of noise averaged over K segments follow a gamma distribution: most bins without a line lie near its quartile.
-    K = pieces.shape[0]
-    return float(np.sqrt(np.quantile(above.mean(axis=0), 0.25) * K / gammaincinv(K, 0.25)))
+    if not above.shape[1]:
+        return float(np.std(values[good]))
+    # Segment by segment: the lines move with the speed. Most of the quietest bins hold noise alone.
+    quiet = np.quantile(above, _QUIET, axis=1) / -np.log1p(-_QUIET)
+    return float(np.sqrt(quiet.mean()))

@@ -16,7 +16,10 @@ from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.rigs.rap.circuit.hydraulics import Circuit
 from pipeline.rigs.rap.pressures.level_means import LevelMeans, level_means
 from pipeline.rigs.rap.pressures.levels import Level
+from pipeline.rigs.rap.pressures.meter_place import contradicted, metered_share
 from pipeline.rigs.rap.pressures.resistances import (
+    NO_EFFECT,
+    UF_OFF,
     Proportion,
     blood_flow,
     coefficient,
@@ -34,6 +37,9 @@ UNOBSERVABLE = {
     "c_access": "C_a rings with L_a for 0.4 s only when the pump stops fast; a ramp of 0.3 to 0.5 s hides it",
     "l_access": "L_a rings with C_a for 0.4 s only when the pump stops fast; a ramp of 0.3 to 0.5 s hides it",
 }
+_OPEN = (
+    "; the flow meter's place is {}: only windows without ultrafiltration are used, in which both places read the same"
+)
 # Time constants of the ultrafiltrate side after which what is left of a step is lost in the noise.
 _SETTLED = 5.5
 
@@ -116,19 +122,26 @@ def fit_hydraulics(readings: Readings, levels: Sequence[Level]) -> Hydraulics:
     means = _settled(means, levels, switched)
     p = {tap: means.mean[tap] - zero.get(tap, 0.0) for tap in taps}
     uf = ultrafiltration(means, levels, p)
-    flow = blood_flow(means, readings.location, uf)
+    K = coefficient(means, p, uf, zero_sd)
+    if K == NO_EFFECT:
+        # What is set is not what is drawn: only what was found with none set is sure.
+        uf, switched = np.where(uf > UF_OFF, np.nan, uf), None
+    doubted = contradicted(readings.location, metered_share(means, uf))
+    flow = blood_flow(means, None if doubted else readings.location, uf)
     slopes: dict[str, Proportion | str] = {
         "r_access": resistance(means, p, zero_sd, flow, ("access",), flow, bool(zero)),
         "r_filter": resistance(means, p, zero_sd, flow, ("prefilter", "return"), flow - 0.5 * uf, bool(zero)),
         "r_return": resistance(means, p, zero_sd, flow, ("return",), flow - uf, bool(zero)),
-        "k_uf": coefficient(means, p, uf, zero_sd),
+        "k_uf": K,
     }
     if readings.meter is None:
         for name in ("r_access", "r_filter", "r_return"):
             slopes[name] = "there is no flow meter (blood_flow_bench): pressures alone tell no resistance"
-    b = _TypeB(readings)
+    b = _TypeB(
+        readings,
+        "" if readings.location and not doubted else _OPEN.format("not as stated" if doubted else "not stated"),
+    )
     found = {name: _told(name, slope, b) for name, slope in slopes.items()}
-    K = slopes["k_uf"]
     found["c_uf"] = _c_uf(switched, K, b)
     line, circuit, two = _return_line(readings, levels, slopes, switched, b)
     found |= two
@@ -148,7 +161,8 @@ def _settled(means: LevelMeans, levels: Sequence[Level], switched: UfSteps | Non
 class _TypeB:
     """Relative standard uncertainties of type B, and how they are told."""
 
-    def __init__(self, readings: Readings) -> None:
+    def __init__(self, readings: Readings, remark: str) -> None:
+        self.remark = remark
         self.meter, self.pressure, self.uf = readings.meter_gain_u, readings.pressure_gain_u, readings.uf_gain_u
 
     def of(self, name: str) -> tuple[float, str]:
@@ -159,9 +173,10 @@ class _TypeB:
             else (self.meter, "flow meter", self.meter is not None)
         )
         u = math.hypot(flow or 0.0, self.pressure or 0.0)
+        remark = self.remark if what == "flow meter" else ""
         if stated or self.pressure is not None:
-            return u, f"gain of {what} and pressures (type B) {100 * u:.2g} %"
-        return u, f"gain of {what} and pressures taken as exact, their uncertainty not being stated"
+            return u, f"gain of {what} and pressures (type B) {100 * u:.2g} %{remark}"
+        return u, f"gain of {what} and pressures taken as exact, their uncertainty not being stated{remark}"
 
 
 def _told(name: str, slope: Proportion | str, b: _TypeB) -> Estimate:

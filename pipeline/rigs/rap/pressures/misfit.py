@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.rigs.rap.alignment.result import Alignment
-from pipeline.rigs.rap.pressures.agreement import jackknifed
 from pipeline.rigs.rap.pressures.aligned import Aligned
 from pipeline.rigs.rap.pressures.deming import Deming
 from pipeline.rigs.rap.pressures.hydraulics_fit import Hydraulics
+from pipeline.rigs.rap.pressures.meter_place import last_coefficient, metered_share
 from pipeline.rigs.rap.pulsation.harmonics import harmonics
 from pipeline.rigs.rap.pulsation.passages import Passages
 
@@ -72,11 +72,15 @@ def misfits_of_tap(one: Aligned, line: Deming, alignment: Alignment, passages: P
     left = y - line.offset.value - line.gain.value * x
     blocks = line.means.blocks
     if x.size >= _FEWEST and blocks.count >= 4:
-        slope, sd = _last(np.stack([np.ones_like(x), x, (time - time.mean()) / _HOUR], axis=-1), left, blocks.of)
+        slope, sd = last_coefficient(
+            np.stack([np.ones_like(x), x, (time - time.mean()) / _HOUR], axis=-1), left, blocks.of
+        )
         least = _LEAST_DRIFT / max(float(np.ptp(time)) / _HOUR, 1e-9)
         found.append(Misfit("drift", one.name, slope, sd, "Pa/h", max(_DRIFT, least)))
         half = 0.5 * float(np.ptp(x))
-        bend, sd = _last(np.stack([np.ones_like(x), x, ((x - x.min()) / half - 1.0) ** 2], axis=-1), left, blocks.of)
+        bend, sd = last_coefficient(
+            np.stack([np.ones_like(x), x, ((x - x.min()) / half - 1.0) ** 2], axis=-1), left, blocks.of
+        )
         found.append(Misfit("curvature", one.name, bend / half, sd / half, "1", _BEND))
     for gain in alignment.gains:
         if gain.at.get("channel") == one.name and gain.value is not None and gain.std_error is not None:
@@ -114,10 +118,10 @@ def misfits_of_circuit(found: Hydraulics) -> list[Misfit]:
         base = [np.ones_like(r)] + ([level] if several else [])
         span = max(float(np.ptp(time)), 1.0)
         # Resistances as logged step with the set-points in time: the trend is that beside the flow's.
-        slope, sd = _last(np.stack([*base, (time - time.mean()) / span], axis=-1), r, groups)
+        slope, sd = last_coefficient(np.stack([*base, (time - time.mean()) / span], axis=-1), r, groups)
         told.append(Misfit("resistance_trend", name, slope, sd, "1", _RESISTANCE))
         if several:
-            slope, sd = _last(np.stack([np.ones_like(r), level], axis=-1), r, groups)
+            slope, sd = last_coefficient(np.stack([np.ones_like(r), level], axis=-1), r, groups)
             told.append(
                 Misfit(
                     "resistance_over_flow",
@@ -133,26 +137,8 @@ def misfits_of_circuit(found: Hydraulics) -> list[Misfit]:
 
 
 def _meter_step(found: Hydraulics) -> Misfit | None:
-    """Return the change of the metered volume of a stroke when the ultrafiltration comes on, over what it draws off.
-
-    About -1 for a meter on the return line, about 0 on the access line (less what the pump slips by a changed pressure).
-    """
-    means = found.means
-    if "flow" not in means.mean:
-        return None
-    used = means.turning & np.isfinite(means.mean["flow"]) & np.isfinite(means.frequency) & np.isfinite(found.uf_flow)
-    f, q, uf = means.frequency[used], means.mean["flow"][used], found.uf_flow[used]
-    groups = np.unique(means.level[used], return_inverse=True)[1]
-    if used.sum() < _FEWEST or float(np.ptp(uf)) < 1e-9 or np.unique(groups).size < 3:
-        return None
-    # Volume of a stroke falls with the speed by back-pressure: constant and slope beside the step.
-    columns = [f, uf]
-    if float(np.ptp(f)) > 0.1 * float(f.mean()):
-        columns.insert(1, f * (f - f.mean()))
-    if np.unique(groups).size <= len(columns):
-        return None
-    slope, sd = _last(np.stack(columns, axis=-1), q, groups)
-    return Misfit("meter_step", None, slope, sd, "1", 0.5)
+    share = metered_share(found.means, found.uf_flow)
+    return Misfit("meter_step", None, *share, "1", 0.5) if share is not None else None
 
 
 def _residual_line(one: Aligned, residual: np.ndarray, passages: Passages) -> list[Misfit]:
@@ -174,20 +160,6 @@ def _residual_line(one: Aligned, residual: np.ndarray, passages: Passages) -> li
             "residual_line", one.name, value, sd / (2.0 * value) if value > 0 else math.sqrt(max(sd, 0.0)), "1", _LINE
         )
     ]
-
-
-def _last(columns: np.ndarray, y: np.ndarray, groups: np.ndarray) -> tuple[float, float]:
-    """Return the last coefficient of a regression and its standard error by leaving out group after group."""
-    scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
-    A = columns / scale
-    inside = groups >= 0
-    A, y, groups = A[inside], y[inside], groups[inside]
-    normals = np.stack([A[groups == g].T @ A[groups == g] for g in np.unique(groups)])
-    rights = np.stack([A[groups == g].T @ y[groups == g] for g in np.unique(groups)])
-    whole, right = normals.sum(axis=0), rights.sum(axis=0)
-    value = float((np.linalg.pinv(whole) @ right)[-1])
-    out = np.array([(np.linalg.pinv(whole - n) @ (right - r))[-1:] for n, r in zip(normals, rights, strict=True)])
-    return value / float(scale[-1]), math.sqrt(float(jackknifed(out)[0, 0])) / float(scale[-1])
 
 
 def all_misfits(

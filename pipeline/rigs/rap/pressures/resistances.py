@@ -17,11 +17,20 @@ from pipeline.rigs.rap.pressures.level_means import LevelMeans
 from pipeline.rigs.rap.pressures.levels import Level
 from pipeline.rigs.rap.tables import Signal
 
+NO_EFFECT = (
+    "the transmembrane pressure does not rise while ultrafiltration is set: does the ultrafiltrate pump draw what is set, is its line "
+    "open, do the signs hold?"
+)
+"""Why there is no coefficient where the ultrafiltration does nothing to the pressure."""
+K_UF_LARGEST = 2e-10
+"""No membrane of this kind lets more through, m^3/(s Pa)."""
 UF_OFF = 1e-9
 """Below this the ultrafiltration counts as off, m^3/s."""
 # The same where it is not logged, Pa of transmembrane pressure.
 _TMP_OFF = 150.0
 _FEWEST = 3
+# Resistances of two set-points that differ by a larger share are not one.
+_MOVES = 0.2
 _BLOCK = 2
 
 
@@ -106,6 +115,8 @@ def resistance(
             else "the flow before the filter is open while fluid is drawn off: state flowmeter_location (access or return), or run without ultrafiltration"
         )
     x, y, block = q[used], drop[used], _blocks(means, used)
+    if zeroed and (moved := _moved(means, used, y / x)):
+        return moved
     levels_apart = float(np.ptp(x)) > 0.15 * float(np.abs(x).mean())
     if not zeroed and not levels_apart:
         return "the pump never stands and turns at one speed only: the zero of the sensors cannot be told from the drop; stop the pump for 20 s"
@@ -119,6 +130,24 @@ def resistance(
         Proportion(value, left_out, abs(off / value))
         if value > 0
         else "the pressure does not rise with the flow: check signs and channels"
+    )
+
+
+def _moved(means: LevelMeans, used: np.ndarray, r: np.ndarray) -> str:
+    """Return why there is no one resistance where it differs from level to level far beyond its scatter, else nothing."""
+    level, at = means.level[used], means.windows.centre[used]
+    numbers = [k for k in np.unique(level) if (level == k).sum() >= _FEWEST]
+    if len(numbers) < 2:
+        return ""
+    each = np.array([float(np.median(r[level == k])) for k in numbers])
+    scatter = float(np.median([np.std(r[level == k]) for k in numbers]))
+    low, high = int(np.argmin(each)), int(np.argmax(each))
+    if each[high] - each[low] < max(_MOVES * abs(float(np.median(each))), 10.0 * scatter):
+        return ""
+    when = [float(at[level == numbers[k]].mean()) for k in (low, high)]
+    return (
+        f"it does not stay within the run: {each[low]:.3g} Pa s/m^3 about {when[0]:.0f} s, {each[high]:.3g} about {when[1]:.0f} s (a clamp, "
+        "a kink, a clot, or a zero left over?); identify the parts as runs of their own"
     )
 
 
@@ -161,6 +190,8 @@ def coefficient(
         return float(x[drawn] @ x[drawn] / (x[drawn] @ (y[drawn] - zero))) if drawn.any() else math.nan
 
     whole = value(np.ones(x.size, dtype=bool))
+    if not 0.0 < whole < K_UF_LARGEST:
+        return NO_EFFECT
     left_out = np.array([value(block != b) for b in np.unique(block)])
     if left_out.size < 3 or not np.all(np.isfinite(left_out)):
         return "the ultrafiltration was on in too few steady windows of 10 s"
@@ -170,8 +201,4 @@ def coefficient(
         zero = (
             math.sqrt(0.25 * sd["prefilter"] ** 2 + 0.25 * sd["return"] ** 2 + sd["uf"] ** 2) * whole / float(x.mean())
         )
-    return (
-        Proportion(whole, left_out, zero)
-        if whole > 0
-        else "the transmembrane pressure does not rise with the ultrafiltration: check signs and channels"
-    )
+    return Proportion(whole, left_out, zero)

@@ -23,6 +23,8 @@ _BEFORE, _BEHIND, _FREE = 6.0, 14.0, 3.0
 _START = 1.5
 # From so many switches on their scatter tells the error; with fewer that of the noise is widened by what pulsation adds.
 _SEVERAL, _UNSEEN = 3, 1.5
+# A switch of which a larger share is left unexplained is something else.
+_LEFT = 0.2
 # Switches that change the pressure by less, in standard deviations of its noise, tell nothing.
 _LEAST_STEP = 10.0
 
@@ -122,6 +124,9 @@ def _fitted(pieces: Sequence[_Piece]) -> UfSteps | None:
     found = [(piece, one) for piece, one in found if not one.at_bound and math.isfinite(one.std_error["tau"])]
     if not found:
         return None
+    found = [(piece, one) for piece, one in found if one.std_error["tau"] > 0.0 and _explains(piece, one)]
+    if not found:
+        return None
     weight = np.array([1.0 / one.std_error["tau"] ** 2 for _, one in found])
     taus = np.array([one.values["tau"] for _, one in found])
     tau = float(weight @ taus / weight.sum())
@@ -130,6 +135,12 @@ def _fitted(pieces: Sequence[_Piece]) -> UfSteps | None:
     scatter = math.sqrt(float(weight @ (taus - tau) ** 2) / weight.sum() / (len(found) - 1)) if many else _UNSEEN * own
     steps = tuple(UfStep(piece.time[piece.used], *_parts(piece, one.values)) for piece, one in found)
     return UfSteps(tau, max(scatter, own), len(found) - 1.0 if many else found[0][1].covariance.dof, steps)
+
+
+def _explains(piece: _Piece, one: Fit) -> bool:
+    """Tell whether a first-order step is what the pressure does: little of its scatter is left."""
+    alone, model = _parts(piece, one.values)
+    return float(np.var(alone - model)) < _LEFT * float(np.var(alone))
 
 
 def _parts(piece: _Piece, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
