@@ -172,7 +172,7 @@ def of_gains(findings: Findings) -> Blocks:
         ]
         for r in table.to_dict("records")
     ]  # fmt: skip
-    columns = [Column("run"), Column("tap"), Column("gain"), Column("offset", "Pa"), Column("offset", "mmHg"), Column("pole", "s"), Column("gain of the pulsation"), Column("gain within tolerance"), Column("offset within tolerance")]  # fmt: skip
+    columns = [*([Column("run")] if several else []), Column("tap"), Column("gain"), Column("offset", "Pa"), Column("offset", "mmHg"), Column("pole", "s"), Column("gain of the pulsation"), Column("gain within tolerance"), Column("offset within tolerance")]  # fmt: skip
     caption = (
         "Gain and offset from Deming's regression on means of 5 s (95 % from blocks), pole and gain of the pulsation from the pump's lines (eq. 2). Both gains should be one: "
         "a pulsation that is damped tells of air."

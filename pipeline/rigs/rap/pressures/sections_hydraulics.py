@@ -35,6 +35,7 @@ _SYMBOLS = {"r_access": "Ra", "r_filter": "Rf", "r_return": "Rr", "c_return": "C
 _LINES = {"r_access": "access: -P_a over Q", "r_filter": "filter: P_pre - P_ret over Q - Q_uf/2", "r_return": "return: P_ret over Q - Q_uf", "k_uf": "membrane: Q_uf over TMP"}  # fmt: skip
 # Pa s/m3 in 1 mmHg/(mL/min); m3/(s Pa) in 1 mL/h/mmHg (rap.md, section 1).
 _R_UNIT, _K_UNIT = 7.9993e9, 2.0835e-12
+_HIDDEN = {"c_1": "C1", "c_access": "Ca", "l_access": "La"}
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 
@@ -251,17 +252,15 @@ def _switches(findings: Findings, run: str) -> list[Panel]:
     rows = findings.arrays["uf_steps"]
     rows = rows[rows["run"] == run]
     marks: list[Mark] = []
-    for number, one in rows.groupby("step"):
-        time = one["time"].to_numpy()
+    named: set[str] = set()
+    for _, one in rows.groupby("step"):
+        time, start = one["time"].to_numpy(), float(one["measured"].iloc[0])
+        label = "on" if float(one["measured"].iloc[-1]) < start else "off"
         marks += [
-            Line(
-                time,
-                one["measured"].to_numpy() - one["measured"].iloc[0],
-                int(float(str(number))) % 16,
-                f"switch {int(float(str(number))) + 1}",
-            ),
-            Line(time, one["modelled"].to_numpy() - one["measured"].iloc[0], "model", "model", dashed=True),
+            Line(time, one["measured"].to_numpy() - start, "measured", "" if label in named else f"switched {label}"),
+            Line(time, one["modelled"].to_numpy() - start, "model", "" if named else "model", dashed=True),
         ]
+        named.add(label)
     return (
         [Panel(marks, Axis("time", "s"), Axis("UF pressure less what follows the blood side", "mmHg"), "UF switched")]
         if marks
