@@ -239,3 +239,13 @@ def test_means_of_seconds_are_enough_and_aliased_samples_are_not():
 def test_the_alarm_of_the_return_line_says_that_clotting_looks_alike():
     alarm = alarm_numbers(device(factors=[("return", 2.5, 200.0, 240.0)])).alarms[0]
     assert "occlusion and clotting look alike" in alarm.cause
+
+
+def test_bubbles_in_a_train_are_one_alarm_and_a_flag_of_other_numbers_is_none():
+    train = flag("air_detected", (200.0, 200.2), (201.0, 201.3), (203.0, 203.1), (300.0, 301.0))
+    assert _codes(device(tables={"flags": train})) == ["AIR", "AIR"]
+    odd = flag("air_detected", (200.0, 210.0))
+    odd.channels["air_detected"].values[:] *= 3.3
+    found = alarm_numbers(device(tables={"flags": odd}))
+    assert found.alarms == ()
+    assert any("is 0 or 1" in problem.message for problem in found.problems)

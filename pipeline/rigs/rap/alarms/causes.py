@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.rigs.rap.alarms.limits import AlarmLimits
 from pipeline.rigs.rap.alarms.ratios import RatioResult
+from pipeline.rigs.rap.alarms.record import is_flag
 from pipeline.rigs.rap.alarms.results import DeviceLog, Mismatch
 from pipeline.rigs.rap.alarms.spans import joined, spans
 from pipeline.rigs.rap.conditions import TAP_NAMES
@@ -44,6 +45,8 @@ FLAGS = (
     ("estop_pressed", True, "EMERGENCY_STOP"),
     ("watchdog_ok", False, "WATCHDOG"),
 )
+# A flag that is down for less than this has not cleared: bubbles come in trains, s.
+_CHATTER = 5.0
 # When in a stroke a fault sets in moves the crossing by this, s (1 sigma; simulated); the access pulsates most for its size.
 _PHASE = {"access": 0.07, "filter": 0.035, "return": 0.035, "membrane": 0.035}
 # The device wrote an alarm and stopped its pumps within this, s; a cause seen for this long before is the reason.
@@ -141,7 +144,7 @@ def _out_of_range(found: RatioResult, limits: AlarmLimits) -> list[Cause]:
     for tap, mean in found.means.items():
         with np.errstate(invalid="ignore"):
             beyond = np.abs(mean) > limits.pressure_most
-        for start, end in _lasting(found.grid, beyond, limits.hold):
+        for start, end in joined(_lasting(found.grid, beyond, limits.hold), _CHATTER):
             words = f"{TAP_NAMES[tap]} pressure beyond {limits.pressure_most / 1e3:g} kPa"
             gone = end if end < found.grid[-1] else None
             out.append(Cause("PRESSURE_OUT_OF_RANGE", start, start + limits.hold, gone, words, 0.03))
@@ -149,13 +152,13 @@ def _out_of_range(found: RatioResult, limits: AlarmLimits) -> list[Cause]:
 
 
 def _of_flag(signal: Signal | None, wrong: bool, code: str, name: str) -> list[Cause]:
-    if signal is None:
+    if signal is None or not is_flag(signal):
         return []
     raised = (signal.values > 0.5) == wrong
     step = float(np.median(np.diff(signal.time))) if signal.time.size > 1 else 0.0
     error = min(step, 1.0) / np.sqrt(12.0) if signal.time.size > 20 else 0.0
     out = []
-    for start, end in spans(signal.time, raised):
+    for start, end in joined(spans(signal.time, raised), _CHATTER):
         later = signal.time[signal.time > end]
         gone = float(later[0]) if later.size else None
         out.append(Cause(code, start, start, gone, f"{name} = {int(wrong)}", error))

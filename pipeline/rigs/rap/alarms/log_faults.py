@@ -7,12 +7,13 @@ import itertools
 from pipeline.errors import listing
 from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.alarms.codes import CODES
+from pipeline.rigs.rap.alarms.record import is_flag
 from pipeline.rigs.rap.alarms.results import Comparison, DeviceLog
 from pipeline.rigs.rap.alarms.transitions import STATES, may_follow
 
 
 def log_faults(log: DeviceLog, comparison: Comparison) -> list[QualityFinding]:
-    """Return what is wrong with the logged states and codes."""
+    """Return what is wrong with the logged flags, states and codes."""
     found = []
     if comparison.unknown:
         words = sorted({f"'{entry.text}'" for entry in comparison.unknown})
@@ -25,6 +26,11 @@ def log_faults(log: DeviceLog, comparison: Comparison) -> list[QualityFinding]:
                 "alarm_code",
             )
         )
+    for name, flag in log.flags.items():
+        if not is_flag(flag):
+            other = flag.values[(flag.values != 0.0) & (flag.values != 1.0)]
+            message = f"{name} holds {other[0]:.4g}, but is 0 or 1; no alarm is read from it. Name another channel in the recipe, or mend its scale."
+            found.append(QualityFinding("warning", message, log.run, name))
     states = [(entry.time, entry.text.upper().strip()) for entry in log.states]
     strange = sorted({word for _, word in states if word not in STATES})
     if strange:

@@ -54,7 +54,7 @@ def watched(tap: str, time: np.ndarray, residual: np.ndarray, noise: float, limi
         first = min(t for t in (by_cusum, by_threshold) if t is not None)
         calm = _calm_from(quiet, int(np.searchsorted(ends, first)) + 1)
         end = float(ends[calm - 1]) if calm is not None else None
-        last = end if end is not None else float(time[-1])
+        last = max(end if end is not None else float(time[-1]), first)
         by = tuple(t if t is not None and t <= last else None for t in (by_threshold, by_cusum))
         found.append(described(tap, len(found) + 1, (by[0], by[1]), (began, last), end, time, residual))
         if calm is None:

@@ -83,7 +83,8 @@ def _on(log: DeviceLog, grid: np.ndarray) -> tuple[np.ndarray, str]:
         return held(log.pump_speed, grid) > 0.05, "speed of the pump"
     if log.flow_device is not None and np.ptp(log.flow_device.values) > 0.0:
         flow = trailing_mean(log.flow_device, grid, max(1.0, 1.5 / log.flow_device.rate))
-        return flow > 0.3 * float(np.nanpercentile(flow, 95)), "blood flow as the device estimates it"
+        usual = float(np.nanpercentile(flow, 95)) if np.isfinite(flow).any() else 0.0
+        return flow > max(0.3 * usual, 0.0), "blood flow as the device estimates it"
     if log.states:
         running = np.zeros(grid.size, bool)
         ends = [*(entry.time for entry in log.states[1:]), np.inf]
@@ -133,7 +134,7 @@ def _flow(log: DeviceLog, grid: np.ndarray, on: np.ndarray) -> tuple[np.ndarray,
         flow = held(log.flow_set, grid)
         usual = float(np.median(flow[flow > 0.0])) if (flow > 0.0).any() else 1.0
         # A set-point of 0 while pressures pulsate is no flow that a ratio can stand on.
-        if np.mean(flow[on] > 0.0) > 0.5 or log.flow_device is None:
+        if not on.any() or np.mean(flow[on] > 0.0) > 0.5 or log.flow_device is None:
             return np.where(on & (flow <= 0.0), np.nan, flow), "blood flow as set", _changes(log.flow_set, 0.03 * usual)
     if log.flow_device is not None and (log.flow_device.values > 0.0).any():
         width = max(1.0, 1.5 / log.flow_device.rate)

@@ -55,7 +55,8 @@ def pressure_ratios(log: DeviceLog, limits: AlarmLimits) -> RatioResult:
     pump = pump_run(log, grid)
     signals = {tap: log.control.get(tap) or log.protective.get(tap) for tap in TAPS}
     uf, uf_changes, uf_known = _ultrafiltration(log, grid, pump)
-    width = averaging(signals["prefilter"] or signals["return"] or signals["access"], grid, pump)
+    pulsating = [s for s in (signals["prefilter"], signals["return"], signals["access"]) if s is not None]
+    width = averaging(pulsating, grid, pump)
     means = {tap: trailing_mean(s, grid, width) for tap, s in signals.items() if s is not None}
     problems: list[QualityFinding] = []
     if not pump.on.any():

@@ -10,6 +10,11 @@ from pipeline.rigs.rap.tables import Entry, Signal, entries, signal
 FLAGS = ("air_detected", "blood_leak_detected", "estop_pressed", "watchdog_ok", "clamp_closed", "drain_pressed")
 
 
+def is_flag(signal: Signal) -> bool:
+    """Tell whether a channel holds nothing but 0 and 1."""
+    return bool(((signal.values == 0.0) | (signal.values == 1.0)).all())
+
+
 def device_log(recording: Recording) -> DeviceLog:
     """Return what the device wrote of the run; what it did not log is None or missing."""
     return DeviceLog(

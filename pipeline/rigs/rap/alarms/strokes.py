@@ -6,6 +6,7 @@ A mean over 1 s leaves 13 % of a pulsation of 1.4 Hz, which is more than the noi
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,22 +20,21 @@ _LONGEST = 60.0
 _SHORTEST = 8.0
 
 
-def averaging(signal: Signal | None, grid: np.ndarray, pump: PumpRun) -> np.ndarray:
+def averaging(signals: Sequence[Signal], grid: np.ndarray, pump: PumpRun) -> np.ndarray:
     """Return the width of the mean at each moment of `grid` (n,), s: whole strokes of each set-point, 1 s without a pump.
 
     Parameters
     ----------
-    signal
-        A pulsating pressure; None gives 1 s throughout.
+    signals
+        Pulsating pressures, the first that tells the strokes decides; none gives 1 s throughout.
     """
     width = np.full(grid.shape, _WIDTH)
-    if signal is None or signal.time.size < 16:
-        return width
     for start, end in pump.running:
         inner = pump.set_changes[(pump.set_changes > start) & (pump.set_changes < end)]
         edges = [start, *inner.tolist(), end]
         for low, high in itertools.pairwise(edges):
-            frequency = _strokes(signal, low + 1.5, min(high, low + 1.5 + _LONGEST))
+            told = (_strokes(signal, low + 1.5, min(high, low + 1.5 + _LONGEST)) for signal in signals)
+            frequency = next((found for found in told if np.isfinite(found)), float("nan"))
             if np.isfinite(frequency):
                 width[(grid >= low) & (grid <= high)] = max(round(frequency * _WIDTH), 1) / frequency
     return width
@@ -54,7 +54,7 @@ def _strokes(signal: Signal, start: float, end: float) -> float:
     if band.size < 3:
         return float("nan")
     peak = int(band[np.argmax(spectrum[band])])
-    if spectrum[peak] < 8.0 * float(np.median(spectrum[band])) or not 0 < peak < spectrum.size - 1:
+    if not spectrum[peak] > 8.0 * float(np.median(spectrum[band])) or not 0 < peak < spectrum.size - 1:
         return float("nan")
     a, b, c = np.log(np.maximum(spectrum[peak - 1 : peak + 2], 1e-300))
     return float(frequency[peak] + 0.5 * (a - c) / (a - 2.0 * b + c) * frequency[1])
