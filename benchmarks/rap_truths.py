@@ -23,7 +23,7 @@ QUIET: dict[str, Any] = {
     "meter_gain": 1.0, "bench_gain": 1.0,
 }  # fmt: skip
 """Readings without noise; the random numbers of pump and clocks stay what they are."""
-QUIET_THERAPY: dict[str, Any] = {**QUIET, "scale_noise": 0.0, "scale_gain": 1.0, "battery_noise": 0.0, "prot": False}
+QUIET_THERAPY: dict[str, Any] = {**QUIET, "scale_noise": 0.0, "scale_gain": 1.0, "battery_noise": 0.0}
 _SETTLED = 4.0
 Known = Callable[[Parameter], float | None]
 
