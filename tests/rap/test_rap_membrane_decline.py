@@ -33,7 +33,7 @@ def membrane(run, a=0.25, seed=0, **settings):
 def test_the_intervals_hold_the_truth_over_many_runs():
     covered, values = [], []
     for seed in range(40):
-        found = membrane(tank_run(seed, minutes=150), a=0.25, seed=seed)
+        found = membrane(tank_run(seed, minutes=130), a=0.25, seed=seed)
         ends = [found.initial.ci95, found.decline.ci95]
         covered.append([low < true < high for (low, high), true in zip(ends, (K_0, 0.25), strict=True)])
         values.append([found.initial.value / K_0, found.decline.value])
@@ -62,12 +62,13 @@ def test_a_decline_on_saline_is_doubted_with_what_would_look_alike():
 
 
 def test_no_decline_is_no_decline():
-    told = [membrane(tank_run(s, minutes=150), a=0.0, seed=s).excludes_zero for s in range(20, 40)]
-    assert np.mean(told) <= 0.15
+    told = [membrane(tank_run(s, minutes=150), a=0.0, seed=s).excludes_zero for s in range(20, 32)]
+    assert np.sum(told) <= 2
 
 
-def test_a_short_run_gives_a_mean_and_no_decline():
-    found = membrane(tank_run(2, minutes=60), a=0.0)
+@pytest.mark.parametrize("a", [0.0, 0.25])
+def test_a_short_run_gives_the_start_with_what_the_slope_leaves_open_and_no_decline(a):
+    found = membrane(tank_run(2, minutes=60), a=a)
     assert found.decline.value is None
     assert "2 h" in found.decline.reason
     assert found.initial.ci95[0] < K_0 < found.initial.ci95[1]

@@ -73,7 +73,7 @@ def test_a_drifting_scale_is_told():
 
 def test_a_pump_eight_per_cent_off_is_told_with_its_gain():
     found, _, _ = compared(tank_run(minutes=60, start=400.0, mean=0.9), set_rate=RATE)
-    assert any("UF pump gain 0.9" in p.message for p in found.problems)
+    assert any("UF pump gain 0.89" in p.message for p in found.problems)
 
 
 def test_a_frozen_or_missing_scale_is_refused():

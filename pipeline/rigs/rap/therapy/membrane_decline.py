@@ -111,7 +111,7 @@ def decline(
     gain_sd = np.sqrt(np.diag(errors))
     used = np.isfinite(k) & (k > 0.0) & (gain_sd < 0.3)
     used &= ~_wild(k, used)
-    if used.sum() < 3:
+    if used.sum() < 5:
         raise InputError(
             "the ultrafiltrate pump never runs for a few minutes against a positive transmembrane pressure, so the "
             "membrane shows no coefficient. Look at the signs of the pressures and at uf_pump_command."
@@ -123,20 +123,15 @@ def decline(
     notes = _notes(fluid_temperature is not None, osmotic, pressure)
     common = pressure.offset_u / tmp[used] * r, pressure.gain_u * r
     long_enough = float(np.ptp(time[used])) >= _LEAST_BLOCKS * block
-    if long_enough:
-        line = _line(t[used], r, shape, common, max(round(block / pressure.bin), 2))
-        initial, slope = line.estimates(notes)
-        fitted, band = line.course(t)
-        naive, p, u = line.naive_sd, line.p_no_decline, line.common_u
-    else:
-        initial = _mean(k[used], shape * np.outer(k[used], k[used]) ** 2, common, notes)
+    line = _line(t[used], r, shape, common, max(round(block / pressure.bin), 2))
+    initial, slope = line.estimates(notes)
+    fitted, band = line.course(t)
+    if not long_enough:
         reason = (
             f"{np.ptp(time[used]) / 60.0:.0f} min with ultrafiltration cannot tell a decline, whose errors hang together for "
             f"most of an hour; run it for {_LEAST_BLOCKS * block / 3600.0:.0f} h and more"
         )
         slope = undetermined("k_uf_decline", reason)
-        fitted, band = np.full(time.size, float(initial.value or math.nan)), np.full((time.size, 2), math.nan)
-        naive, p, u = math.nan, math.nan, np.array([math.nan, math.nan])
     found = Decline(
         initial=initial,
         decline=slope,
@@ -147,10 +142,10 @@ def decline(
         band=band,
         used=used,
         start=origin,
-        pressure_u=float(u[0]),
-        pressure_u_decline=float(u[1]),
-        naive_sd=naive,
-        p_no_decline=p,
+        pressure_u=float(line.common_u[0]),
+        pressure_u_decline=float(line.common_u[1]),
+        naive_sd=line.naive_sd,
+        p_no_decline=line.p_no_decline if long_enough else math.nan,
         n_blocks=float(used.sum()) * pressure.bin / block,
         explanations=(),
         problems=(),
@@ -259,13 +254,6 @@ def _line(t: np.ndarray, r: np.ndarray, shape: np.ndarray, common: tuple[np.ndar
     naive = H @ H.T * float(residual @ residual) / max(t.size - 2, 1)
     errors = line_errors(residual, H, shape, length)
     return _Line(c, errors, u, math.sqrt(float((J @ naive @ J.T)[1, 1])))
-
-
-def _mean(k: np.ndarray, shape: np.ndarray, common: tuple[np.ndarray, np.ndarray], notes: str) -> Estimate:
-    """Return the mean of K where a decline cannot be told."""
-    random = math.sqrt(float(shape.mean()))
-    u = math.sqrt(sum(float(np.mean(part * k**2)) ** 2 for part in common))
-    return estimate("k_uf_initial", float(k.mean()), math.hypot(random, u), reason=f"mean over the run; {notes}")
 
 
 def _notes(normalised: bool, osmotic: float, pressure: Transmembrane) -> str:

@@ -253,8 +253,10 @@ def _reading_sd(sensor: Signal) -> float:
     T, step = sensor.values, _step(sensor.values)
     if T.size < 5:
         return max(0.1, step)
-    second = np.diff(T, 2)[1:] if T.size > 6 else np.diff(T, 2)
-    noise = 1.4826 * float(np.median(np.abs(second))) / math.sqrt(6.0)
+    # The warming bends in its first samples.
+    second = np.diff(T, 2)
+    second = second[min(6, second.size // 2) :]
+    noise = math.sqrt(float(np.mean(second**2)) / 6.0)
     return math.hypot(max(noise, 0.01), step / math.sqrt(12.0))
 
 

@@ -155,7 +155,7 @@ def _kinks(course: TankCourse, rate: float) -> list[float]:
 
 def _both_sides(near: np.ndarray, t: np.ndarray, kink: float) -> bool:
     """Tell whether readings stand on either side of a kink."""
-    return bool((t[near] < kink - SEARCH).sum() >= 10 or (t[near] < kink).sum() >= 15) and (t[near] > kink).sum() >= 60
+    return bool((t[near] < kink - SEARCH).sum() >= 10 or (t[near] < kink).sum() >= 8) and (t[near] > kink).sum() >= 60
 
 
 def against_scale(
