@@ -19,7 +19,7 @@ from pipeline.rigs.rap.synthetic.rig import synthesize_pressures
 ML_MIN = 1e-6 / 60.0
 MMHG = 133.322
 # A shorter R1: two speeds, all steps of the protocol.
-SHORT = {"flows": (60.0 * ML_MIN, 100.0 * ML_MIN), "duration": 260.0}
+SHORT: dict[str, Any] = {"flows": (60.0 * ML_MIN, 100.0 * ML_MIN), "duration": 260.0}
 
 Columns = dict[str, np.ndarray]
 Edit = Callable[[str, np.ndarray, Columns], tuple[np.ndarray, Columns]]

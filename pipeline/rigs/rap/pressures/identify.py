@@ -14,7 +14,7 @@ from pipeline.rigs.rap.pressures.arrays import arrays_of
 from pipeline.rigs.rap.pressures.data_faults import data_faults
 from pipeline.rigs.rap.pressures.declaration import PressuresSettings
 from pipeline.rigs.rap.pressures.models import models_of
-from pipeline.rigs.rap.pressures.parameters import parameters_of
+from pipeline.rigs.rap.pressures.parameters import none_told, parameters_of
 from pipeline.rigs.rap.pressures.published import published
 from pipeline.rigs.rap.pressures.record import record_of
 from pipeline.rigs.rap.pressures.run_numbers import RunNumbers, run_numbers
@@ -23,32 +23,33 @@ from pipeline.rigs.rap.pressures.verdict import judge
 
 @dataclass
 class _Sorted:
-    """Runs as they were looked at: those with numbers, those left out with the reason, what was noticed."""
+    """Runs as they were looked at: those with numbers, those left out with the reason, of these the faulty, what was noticed."""
 
     runs: list[RunNumbers] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
+    faulty: list[str] = field(default_factory=list)
     quality: list[QualityFinding] = field(default_factory=list)
 
 
 def identify(recordings: Sequence[Recording], settings: PressuresSettings, context: Context) -> Findings:
-    """Identify a campaign of pressure runs, each by itself.
+    """Identify a campaign of pressure runs, each by itself; where all are faulty the findings say so and hold no number.
 
     Raises
     ------
     InputError
-        If no run gives a number.
+        If no run has anything to identify.
     """
     found = _Sorted()
     for number, recording in enumerate(recordings):
         context.progress(0.9 * number / len(recordings), f"clock, agreement and hydraulics of {recording.run}")
         _sort(recording, settings, found)
-    if not found.runs:
+    if not found.runs and not found.faulty:
         raise InputError(nothing_usable(found.left_out, recordings))
     context.progress(0.9, "tables")
     for campaign, other in context.uses.items():
         text = f"campaign '{campaign}' ({other.experiment}) was handed over and is not used: pressures need no other findings"
         found.quality.append(QualityFinding("note", text))
-    parameters = parameters_of(found.runs)
+    parameters = parameters_of(found.runs) if found.runs else none_told(found.left_out[found.faulty[0]])
     quality = list(dict.fromkeys(found.quality))
     said = judge(found.runs, parameters, found.left_out, quality, settings)
     return Findings(
@@ -80,6 +81,7 @@ def _sort(recording: Recording, settings: PressuresSettings, found: _Sorted) -> 
     found.quality += noticed
     if isinstance(numbers, str):
         found.left_out[recording.run] = numbers
+        found.faulty.append(recording.run)
     else:
         found.runs.append(numbers)
 

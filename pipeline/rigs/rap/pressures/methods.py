@@ -13,7 +13,7 @@ from pipeline.rigs.rap.pressures.declaration import MMHG
 
 def methods(findings: Findings) -> Sequence[str]:
     """Return paragraphs that a second person can repeat the analysis from."""
-    if "runs" not in findings.arrays:
+    if "runs" not in findings.arrays or findings.arrays["runs"].empty:
         return []
     paragraphs = [_data(findings)]
     if not findings.arrays["clock"].empty:

@@ -41,6 +41,11 @@ def parameters_of(runs: Sequence[RunNumbers]) -> list[Parameter]:
     return [_parameter(e, run.name if several else "") for run in runs for e in _estimates(run)]
 
 
+def none_told(reason: str) -> list[Parameter]:
+    """Return every parameter without a value, for one reason."""
+    return [_parameter(undetermined(spec.name, reason), "") for spec in PARAMETERS]
+
+
 def _estimates(run: RunNumbers) -> list[Estimate]:
     return [*_clock(run), *_taps(run), *_coherence(run), *_circuit(run)]
 

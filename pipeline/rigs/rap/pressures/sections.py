@@ -14,7 +14,7 @@ from pipeline.rigs.rap.pressures.sections_hydraulics import of_hydraulics, of_se
 
 def sections(findings: Findings) -> Sequence[Section]:
     """Return the chapters that the findings have something for."""
-    if "runs" not in findings.arrays:
+    if "runs" not in findings.arrays or findings.arrays["runs"].empty:
         return []
     chapters = [
         Section("answers", "Answers", _answers(findings)),

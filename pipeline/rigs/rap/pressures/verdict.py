@@ -34,9 +34,10 @@ def judge(
 ) -> Judgement:
     """Weigh what was found."""
     said = Judgement()
-    _anything(said, parameters)
+    _anything(said, runs, parameters)
     _answers(said, runs, settings)
-    _missing(said, parameters, left_out)
+    if runs:
+        _missing(said, parameters)
     for run, reason in list(left_out.items())[:_TOLD]:
         said.warn(f"Run {run} is left out: {ended(reason)}")
     if len(left_out) > _TOLD:
@@ -49,15 +50,22 @@ def judge(
         said.warn(ended(f"Run {finding.run}: {finding.message}" if finding.run else finding.message))
     if len(grave) > _TOLD:
         said.warn(f"{counted(len(grave) - _TOLD, 'more warning')} stand among the quality findings.")
-    _next(said, runs, parameters)
+    if runs:
+        _next(said, runs, parameters)
     said.reasons = list(dict.fromkeys(said.reasons))
     return said
 
 
-def _anything(said: Judgement, parameters: Sequence[Parameter]) -> None:
-    if not any(p.value is not None for p in parameters):
-        reasons = listing(list(dict.fromkeys(p.description.rstrip(".") for p in parameters if p.value is None)), 3)
-        said.reject(f"Neither agreement nor hydraulics give a number: {ended(reasons)}")
+def _anything(said: Judgement, runs: Sequence[RunNumbers], parameters: Sequence[Parameter]) -> None:
+    if any(p.value is not None for p in parameters):
+        return
+    if not runs:
+        said.reject(
+            "No run can be used: its channels contradict what a running pump does. Mend what is named below, and nothing else is needed."
+        )
+        return
+    reasons = listing(list(dict.fromkeys(p.description.rstrip(".") for p in parameters)), 3)
+    said.reject(f"Neither agreement nor hydraulics give a number: {ended(reasons)}")
 
 
 def _answers(said: Judgement, runs: Sequence[RunNumbers], settings: PressuresSettings) -> None:
@@ -92,7 +100,7 @@ def _answers(said: Judgement, runs: Sequence[RunNumbers], settings: PressuresSet
             said.reasons.append(f"Half widths of the limits of agreement{where}, aligned and equalised: {told} mmHg.")
 
 
-def _missing(said: Judgement, parameters: Sequence[Parameter], left_out: Mapping[str, str]) -> None:
+def _missing(said: Judgement, parameters: Sequence[Parameter]) -> None:
     """Warn of core numbers without a value, once for each reason."""
     reasons: dict[str, list[str]] = {}
     for p in parameters:
@@ -102,8 +110,6 @@ def _missing(said: Judgement, parameters: Sequence[Parameter], left_out: Mapping
             reasons.setdefault(p.description.rstrip("."), []).append(name)
     for reason, names in reasons.items():
         said.warn(f"Not told: {listing(list(dict.fromkeys(names)), 10)}: {ended(reason)}")
-    if left_out and not parameters:
-        said.reject("No run gives a number.")
 
 
 def _next(said: Judgement, runs: Sequence[RunNumbers], parameters: Sequence[Parameter]) -> None:
