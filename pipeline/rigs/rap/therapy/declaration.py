@@ -11,7 +11,7 @@ from pydantic import Field
 from pipeline.rigs.experiment import ConditionSpec, Experiment, Later, ParameterSpec, Settings
 from pipeline.rigs.rap.alarms.limits import AlarmLimits, MismatchLimits
 from pipeline.rigs.rap.conditions import CONDITIONS, channels
-from pipeline.rigs.rap.references import KALMAN_1960, PAGE_1954, RAP_2019
+from pipeline.rigs.rap.references import KALMAN_1960, KNAPP_CARTER_1976, PAGE_1954, RAP_2019
 
 
 class TherapySettings(Settings):
@@ -90,7 +90,7 @@ THERAPY = Experiment(
     id="rap.therapy",
     title="Therapy runs of a wearable ultrafiltration device",
     summary="Temperature, ultrafiltrate volume, membrane, battery, alarms and redundancy of a wearable device at its bench.",
-    references=(RAP_2019, KALMAN_1960, PAGE_1954),
+    references=(RAP_2019, KALMAN_1960, PAGE_1954, KNAPP_CARTER_1976),
     channels=channels(),
     conditions=CONDITIONS,
     parameters=PARAMETERS,

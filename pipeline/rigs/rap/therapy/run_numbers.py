@@ -11,6 +11,9 @@ from pipeline.errors import InputError
 from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.alarms import alarm_numbers
 from pipeline.rigs.rap.alarms.results import AlarmNumbers
+from pipeline.rigs.rap.alignment.align import align
+from pipeline.rigs.rap.alignment.pair import pairs_of
+from pipeline.rigs.rap.alignment.result import Alignment
 from pipeline.rigs.rap.pressures.spans import Span
 from pipeline.rigs.rap.tables import Signal
 from pipeline.rigs.rap.therapy.battery_account import Battery, account
@@ -32,16 +35,20 @@ _SOURCES = {"rap": "temperature_air_rap", "bench": "temperature_air_bench"}
 _MEMBRANE_TAPS = ("prefilter", "return", "uf")
 # Device over bench at a tap beyond that is no gain: another tap, a clamp, air.
 _GAINS = (0.8, 1.25)
+# A clock that shows more at the first sample did not begin with the run, s.
+_UPTIME = 6.0 * 3600.0
 
 
 @dataclass(eq=False)
 class RunNumbers:
     """One run's numbers by part; `reasons` by part (or part and source) say why there is none of those asked for.
 
-    `set_points` are the usual ones while the pump runs, SI, None where not logged.
+    `clock` is how the device's clock stands to the bench's, None where no pressure is read by both. `set_points` are the usual
+    ones while the pump runs, SI, None where not logged.
     """
 
     record: Record
+    clock: Alignment | None = None
     temperatures: dict[str, TemperatureFit] = field(default_factory=dict)
     temperature_error: TemperatureError | None = None
     volume: VolumeNumbers | None = None
@@ -78,6 +85,7 @@ def numbers_of(record: Record, settings: TherapySettings) -> RunNumbers:
     """Return what a run gives."""
     found = RunNumbers(record, set_points=_set_points(record))
     asked = record.asked
+    _clock(found)
     if ALARMS in asked or REDUNDANCY in asked:
         _alarms(found, settings)
     if TEMPERATURE in asked:
@@ -95,6 +103,21 @@ def numbers_of(record: Record, settings: TherapySettings) -> RunNumbers:
 
 def _noticed(found: RunNumbers, problems: tuple[QualityFinding, ...]) -> None:
     found.findings += [replace(problem, run=found.run) for problem in problems]
+
+
+def _clock(found: RunNumbers) -> None:
+    """Find how the device's clock stands to the bench's where both read the same pressures."""
+    record = found.record
+    pairs = [pair for pair in pairs_of(record.recording) if pair.alike]
+    if not pairs:
+        return
+    try:
+        found.clock = align(pairs, record.number("bench_sensor_time_constant"))
+    except InputError as error:
+        found.reasons["clock"] = str(error)
+        return
+    # What a doubtful clock leaves open changes no number here: temperatures move too slowly.
+    _noticed(found, tuple(replace(problem, level="note") for problem in found.clock.problems))
 
 
 def _set_points(record: Record) -> dict[str, float | None]:
@@ -136,7 +159,7 @@ def _temperature(found: RunNumbers) -> None:
             continue
         sensors[source] = sensor
         try:
-            fit = fit_temperature(sensor, source)
+            fit = fit_temperature(sensor, source, _switched_on(sensor))
         except InputError as error:
             found.reasons[f"temperature {source}"] = str(error)
             continue
@@ -148,11 +171,24 @@ def _temperature(found: RunNumbers) -> None:
         )
         return
     try:
-        found.temperature_error = compare_temperatures(sensors["rap"], sensors["bench"])
+        found.temperature_error = compare_temperatures(sensors["rap"], sensors["bench"], _lag(found))
     except InputError as error:
         found.reasons["temperature error"] = str(error)
         return
     _noticed(found, found.temperature_error.problems)
+
+
+def _lag(found: RunNumbers) -> float:
+    """Return what the bench's clock shows more than the device's, s; 0 where that is not known."""
+    return float(found.clock.lag.value or 0.0) if found.clock is not None and found.clock.sure else 0.0
+
+
+def _switched_on(sensor: Signal) -> float:
+    """Return when the device was switched on by the clock of a sensor, s.
+
+    Clocks of a log begin with it or near it; one that began hours before shows the first sample there instead.
+    """
+    return 0.0 if float(sensor.time[0]) < _UPTIME else float(sensor.time[0])
 
 
 def _membrane(found: RunNumbers) -> None:

@@ -80,6 +80,29 @@ def _set_points(run: RunNumbers) -> Rows:
     return [dict(run.set_points)]
 
 
+def _clocks(run: RunNumbers) -> Rows:
+    found = run.clock
+    if found is None:
+        return []
+    track = found.track
+    end = float(track.time[-1]) if track is not None and track.time.size else found.clock.reference
+    lag, rate = found.lag, found.rate
+    return [
+        {"lag": _or_nan(lag.value), "lag_sd": _or_nan(lag.std_error), "rate": _or_nan(rate.value), "rate_sd": _or_nan(rate.std_error),
+         "end": float(np.asarray(found.clock.lag_at(np.array([end])))[0]), "method": found.method, "sure": found.sure}
+    ]  # fmt: skip
+
+
+def _lags(run: RunNumbers) -> Rows:
+    track = run.clock.track if run.clock is not None else None
+    if run.clock is None or track is None or not track.time.size:
+        return []
+    kept = picked(track.time.size)
+    time = track.time[kept]
+    return _table({"time": time, "lag": track.lag[kept], "sd": track.sd[kept], "used": track.used[kept],
+                   "line": np.asarray(run.clock.clock.lag_at(time))})  # fmt: skip
+
+
 def _temperature(run: RunNumbers) -> Rows:
     rows: Rows = []
     for source, fit in run.temperatures.items():
@@ -320,6 +343,8 @@ _TABLES: Mapping[str, tuple[tuple[str, ...], Callable[[RunNumbers], Rows]]] = {
     "parts": (("part", "asked", "told", "reason"), _parts),
     "checks": (("criterion", "found", "allowed", "word", "mood"), lambda _run: []),
     "set_points": (("blood_flow_set", "uf_flow_set", "heparin_flow_set"), _set_points),
+    "clocks": (("lag", "lag_sd", "rate", "rate_sd", "end", "method", "sure"), _clocks),
+    "lags": (("time", "lag", "sd", "used", "line"), _lags),
     "temperature": (("source", "time", "value", "model"), _temperature),
     "temperature_error": (("time", "error", "share"), _temperature_error),
     "volume": (("time", "set", "estimate", "sd", "filled_in", "scale", "device", "gain", "gain_sd"), _volume),
