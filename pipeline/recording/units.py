@@ -152,8 +152,18 @@ def _registry() -> pint.UnitRegistry[float]:
     return registry
 
 
+def _bare(text: str) -> str:
+    """Return a unit without brackets about it; those that belong to it, as in m^3/(s Pa), stay."""
+    bare = text.strip().strip("[]()").strip()
+    depth, least = 0, 0
+    for sign in bare:
+        depth += (sign == "(") - (sign == ")")
+        least = min(least, depth)
+    return bare if depth == 0 and least == 0 else text.strip().strip("[]").strip()
+
+
 def _spelt_for_pint(text: str) -> str:
-    text = text.strip().strip("[]()").strip()
+    text = _bare(text)
     if text in _SPELLINGS:
         return _SPELLINGS[text]
     if word := symbol_of(text):

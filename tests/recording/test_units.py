@@ -82,3 +82,8 @@ def test_quantities_carry_their_unit_or_are_si() -> None:
 )
 def test_a_symbol_with_two_meanings_means_what_the_channel_measures(unit: str, si: str, factor: float) -> None:
     assert conversion(unit, si).factor == pytest.approx(factor)
+
+
+@pytest.mark.parametrize("unit", ["m^3/(s Pa)", "[m^3/(s Pa)]", "(m^3/(s Pa))"])
+def test_brackets_that_belong_to_a_unit_are_told_from_those_about_it(unit: str) -> None:
+    assert conversion(unit, "m^3/(s Pa)").factor == pytest.approx(1.0)
