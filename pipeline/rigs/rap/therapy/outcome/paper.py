@@ -69,6 +69,8 @@ def _battery() -> list[Published]:
     runtime = p.battery_energy / p.power
     five, trial = p.power * p.runtime, p.power * p.trial
     derated = ", ".join(f"{n:.2f}: {n * runtime / HOUR:.2f} h" for n in _EFFICIENCIES)
+    below = all(n * runtime < p.runtime for n in _EFFICIENCIES)
+    short = f", which is less than {p.runtime / HOUR:g} h" if below else ""
     share = trial / p.battery_energy
     day = p.power * DAY
     return [
@@ -76,7 +78,7 @@ def _battery() -> list[Published]:
             "battery runtime", f"{p.battery_energy / WH:g} Wh, {p.power:g} W, up to {p.runtime / HOUR:g} h",
             f"{runtime / HOUR:.3f} h ({runtime / MINUTE:.1f} min)", runtime >= p.runtime,
             f"{p.runtime / HOUR:g} h use {five / WH:.1f} Wh, {100 * five / p.battery_energy:.1f} % of the battery: 'up to' is rounded "
-            f"down. A converter takes its part, with an efficiency of {derated}, which is less than {p.runtime / HOUR:g} h",
+            f"down. A converter takes its part, with an efficiency of {derated}{short}",
             "row 1",
         ),
         row(
