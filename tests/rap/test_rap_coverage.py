@@ -8,12 +8,12 @@ import pytest
 from benchmarks.coverage_rap import study
 
 
-@pytest.mark.parametrize(("experiment", "seeds"), [("pressures", 6), ("flow", 4), ("cytotoxicity", 20)])
+@pytest.mark.parametrize(("experiment", "seeds"), [("pressures", 5), ("flow", 3), ("therapy", 2), ("cytotoxicity", 15)])
 def test_intervals_hold_the_truth(experiment: str, seeds: int) -> None:
     found = study(experiment, "short", range(300, 300 + seeds))
     closed = {name: pairs for name, pairs in found.items() if not name.endswith("*")}
     held = [e.ci95[0] <= true <= e.ci95[1] for pairs in closed.values() for e, true in pairs if e.ci95 is not None]
-    assert len(held) > 10 * seeds
+    assert len(held) > 8 * seeds
     assert np.mean(held) >= 0.9
     for name, pairs in closed.items():
         z = [(e.value - true) / e.std_error for e, true in pairs if e.value is not None and e.std_error]
