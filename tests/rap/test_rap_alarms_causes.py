@@ -249,3 +249,10 @@ def test_bubbles_in_a_train_are_one_alarm_and_a_flag_of_other_numbers_is_none():
     found = alarm_numbers(device(tables={"flags": odd}))
     assert found.alarms == ()
     assert any("is 0 or 1" in problem.message for problem in found.problems)
+
+
+def test_a_reading_that_stands_still_raises_no_alarm_of_its_line():
+    stuck = with_channel(device(), "pressure_return_rap", lambda t, v: np.where((t > 200.0) & (t < 300.0), v[4000], v))
+    found = alarm_numbers(stuck)
+    assert {alarm.code for alarm in found.alarms} == {"SENSOR_MISMATCH"}
+    assert any("stands still from 200 to 300 s" in problem.message for problem in found.problems)

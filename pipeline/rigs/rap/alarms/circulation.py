@@ -48,5 +48,6 @@ def _pressed(found: RatioResult, pump: PumpRun) -> np.ndarray:
         return np.full(found.grid.size, np.nan)
     zeroed = {tap: means[tap] - ratios.zero[tap] for tap in ("prefilter", "return", "uf")}
     tmp = 0.5 * (zeroed["prefilter"] + zeroed["return"]) - zeroed["uf"]
-    usual = float(np.nanmedian(tmp[pump.on & (ratios.uf > 0.0)])) if (pump.on & (ratios.uf > 0.0)).any() else np.nan
+    therapy = tmp[pump.on & (ratios.uf > 0.0) & np.isfinite(tmp)]
+    usual = float(np.median(therapy)) if therapy.size else np.nan
     return np.where(np.isfinite(tmp), (tmp > _SHARE * usual).astype(float), np.nan)

@@ -13,8 +13,9 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.alarms.limits import AlarmLimits
 from pipeline.rigs.rap.alarms.pump import RATE_NEEDED, PumpRun, pump_run
 from pipeline.rigs.rap.alarms.results import RATIOS, DeviceLog, Ratios
-from pipeline.rigs.rap.alarms.spans import since, spans
+from pipeline.rigs.rap.alarms.spans import since
 from pipeline.rigs.rap.alarms.strokes import averaging
+from pipeline.rigs.rap.alarms.unfit import leave_out_frozen, leave_out_slow_pump
 from pipeline.rigs.rap.alarms.windows import held, trailing_mean
 from pipeline.rigs.rap.alarms.zeros import zeros
 from pipeline.rigs.rap.conditions import TAP_NAMES, TAPS
@@ -27,8 +28,6 @@ _LOGGED_AFTER = 1.0
 _UF_SETTLED = 10.0
 # P_uf moving by more than this share of the usual TMP a second says that the membrane is not in balance.
 _UF_MOVING = 0.1
-# Where every line's resistance is below this share of its baseline, the flow is less than set.
-_ALL_LOW = 0.75
 # Ratios that scatter more than this are no ground for an alarm.
 _NOISE_MOST = 0.10
 _MEANT = {"access": "access line", "filter": "filter", "return": "return line", "membrane": "membrane"}
@@ -59,6 +58,7 @@ def pressure_ratios(log: DeviceLog, limits: AlarmLimits) -> RatioResult:
     width = averaging(pulsating, grid, pump)
     means = {tap: trailing_mean(s, grid, width) for tap, s in signals.items() if s is not None}
     problems: list[QualityFinding] = []
+    leave_out_frozen(grid, signals, means, pump, log.run, problems)
     if not pump.on.any():
         return RatioResult(None, pump, grid, means, (), "the blood pump never runs in this log")
     zero = zeros(grid, means, pump, uf, log.run, problems)
@@ -101,35 +101,13 @@ def pressure_ratios(log: DeviceLog, limits: AlarmLimits) -> RatioResult:
         if name == "membrane":
             ratio = np.where(_in_balance(grid, zeroed, ratio), ratio, np.nan)
         values[name], baseline[name], noise[name] = ratio, (1.0 / base if name == "membrane" else base), scatter
-    _leave_out_slow_pump(grid, values, log.run, problems)
+    leave_out_slow_pump(grid, values, log.run, problems)
     if not pump.flow_source:
         problems.append(_told(log.run, "no blood flow is logged (blood_flow_set, blood_flow_rap or blood_pump_speed): it is taken as constant, and a change of the set-point looks like an occlusion"))  # fmt: skip
     ratios = Ratios(grid, values, baseline, noise, zero, pump.on, pump.flow, uf)
     return RatioResult(
         ratios, pump, grid, means, tuple(problems), "" if values else "no ratio of pressures can be formed"
     )
-
-
-def _leave_out_slow_pump(
-    grid: np.ndarray, values: dict[str, np.ndarray], run: str, problems: list[QualityFinding]
-) -> None:
-    """Take out of `values` where all lines fall together: the pump makes less than its set-point, nothing is disconnected."""
-    lines = [values[name] for name in ("access", "filter", "return") if name in values]
-    if len(lines) < 2:
-        return
-    with np.errstate(invalid="ignore"):
-        together = np.all([line < _ALL_LOW for line in lines], axis=0)
-    for name in values:
-        values[name] = np.where(together, np.nan, values[name])
-    for start, end in spans(grid, together):
-        if end - start > 5.0:
-            message = (
-                "all resistances fall together: the blood pump makes less than its set-point (slip, stall, or a set-point that "
-                "was not followed). No disconnection is read from that."
-            )
-            problems.append(
-                QualityFinding("warning", f"From {start:.0f} to {end:.0f} s {message}", run, None, (start, end))
-            )
 
 
 def _told(run: str, message: str) -> QualityFinding:
@@ -229,6 +207,7 @@ def _in_balance(grid: np.ndarray, zeroed: dict[str, np.ndarray], ratio: np.ndarr
     step = max(round(1.0 / float(np.median(np.diff(grid)))), 1)
     rise = np.full(filtrate.shape, np.nan)
     rise[step:] = filtrate[step:] - filtrate[:-step]
-    usual = float(np.nanmedian(np.abs(0.5 * (zeroed["prefilter"] + zeroed["return"]) - filtrate)[np.isfinite(ratio)]))
+    tmp = np.abs(0.5 * (zeroed["prefilter"] + zeroed["return"]) - filtrate)[np.isfinite(ratio)]
+    usual = float(np.median(tmp)) if tmp.size else np.inf
     follows = np.where(ratio > 1.0, rise, -rise) > _UF_MOVING * usual
     return ~follows
