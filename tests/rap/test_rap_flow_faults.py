@@ -217,3 +217,19 @@ def test_a_check_tells_of_a_missing_line_and_a_missing_meter():
     assert not [finding for finding in check(run) if finding.level != "note"]
     assert any("mandatory" in finding.message for finding in check(told([run], {"flowmeter_location": None})[0]))
     assert any("no blood_flow_bench" in finding.message for finding in check(without([run], "blood_flow_bench")[0]))
+
+
+def test_runs_may_have_their_meters_on_different_lines():
+    found = identified(
+        [*logs(["calibration"], uf_flow=UF), *logs(["holdout"], flowmeter_location="return", uf_flow=UF)]
+    )
+    assert found.verdict == "ok"
+    assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.006
+
+
+def test_runs_may_have_their_meters_on_different_lines():
+    found = identified(
+        [*logs(["calibration"], uf_flow=UF), *logs(["holdout"], flowmeter_location="return", uf_flow=UF)]
+    )
+    assert found.verdict == "ok"
+    assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.006

@@ -15,7 +15,7 @@ from pipeline.rigs.rap.flow.flows import flow_rows
 from pipeline.rigs.rap.flow.location import Location, blood_flow, locate
 from pipeline.rigs.rap.flow.results import ESTIMATORS, Campaign, ErrorRow
 from pipeline.rigs.rap.flow.run_windows import RunNumbers
-from pipeline.rigs.rap.flow.sets import CALIBRATION, sets_of
+from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT, sets_of
 from pipeline.rigs.rap.flow.trap import trap_of, unclamped
 from pipeline.rigs.rap.flow.windows import FlowWindows, stacked
 
@@ -27,8 +27,7 @@ def campaign_of(runs: Sequence[RunNumbers], settings: FlowSettings) -> Campaign:
     """Calibrate on the calibration windows, and try what came out on all."""
     windows = stacked([run.windows for run in runs])
     problems: list[QualityFinding] = []
-    location = locate(_stated(runs), windows)
-    windows = blood_flow(windows, location.trusted)
+    location, windows = _by_line(runs, windows)
     sets = sets_of(windows)
     problems += sets.problems
     windows = replace(windows, role=sets.label)
@@ -37,7 +36,7 @@ def campaign_of(runs: Sequence[RunNumbers], settings: FlowSettings) -> Campaign:
     left_out = {name: _left_out(law) for name, law in laws.items() if name in ("E2", "E2 quadratic", "E3")}
     gain_u, stated = _gain_u(runs, settings)
     uf_u = 0.0
-    if location.trusted == "return" and fitted.size:
+    if "return" in location.trusted and fitted.size:
         uf_u = settings.uf_gain_u * float(np.mean(fitted.uf / fitted.flow))
     zero_u = 0.0 if any(run.zeros[t].known for run in runs for t in run.zeros if t == "prefilter") else settings.zero_u
     found = Campaign(
@@ -50,7 +49,7 @@ def campaign_of(runs: Sequence[RunNumbers], settings: FlowSettings) -> Campaign:
         left_out=left_out,
         errors=_errors(windows, laws, sets.names),
         flows=[],
-        trap=trap_of(fitted),
+        trap=trap_of(fitted, windows.of((sets.label == HOLDOUT) & np.isfinite(windows.flow))),
         tube=sets.tube,
         gain_u=gain_u,
         gain_stated=stated,
@@ -61,9 +60,18 @@ def campaign_of(runs: Sequence[RunNumbers], settings: FlowSettings) -> Campaign:
     return replace(found, flows=flow_rows(found, settings))
 
 
-def _stated(runs: Sequence[RunNumbers]) -> str:
-    stated = {run.run.location for run in runs if run.run.meter is not None}
-    return stated.pop() if len(stated) == 1 else ""
+def _by_line(runs: Sequence[RunNumbers], windows: FlowWindows) -> tuple[Location, FlowWindows]:
+    """Return where the meter sits, and the windows with the blood flow that it stands for; each run by its own line where they differ."""
+    stated = {run.run.name: run.run.location for run in runs if run.run.meter is not None}
+    lines = set(stated.values())
+    if len(lines) < 2 or "" in lines:
+        location = locate(lines.pop() if len(lines) == 1 else "", windows)
+        return location, blood_flow(windows, location.trusted)
+    flow = windows.flow.copy()
+    for line in lines:
+        of_line = np.array([stated.get(str(run)) == line for run in windows.run], dtype=bool)
+        flow[of_line] = blood_flow(windows.of(of_line), line).flow
+    return Location(" or ".join(sorted(lines)), float("nan"), float("nan")), replace(windows, flow=flow)
 
 
 def _nothing(windows: FlowWindows, fitted: FlowWindows, location: Location) -> str:

@@ -45,7 +45,9 @@ def _meter(findings: Findings) -> str:
         "access": "on the access line, where it reads the blood flow",
         "return": "on the return line; the UF rate was added to its reading",
     }
-    told = line.get(str(meter["used"]), "on an unknown line; only windows without ultrafiltration were held against it")
+    unknown = "on an unknown line; only windows without ultrafiltration were held against it"
+    by_run = "on the access or the return line, as each run states; on the latter the UF rate was added to its reading"
+    told = line.get(str(meter["used"]), by_run if meter["used"] else unknown)
     return (
         f"The flow meter sits {told}. Its clock was aligned with the device's by the pressures that both log (steps and pump lines; lag and rate), or by its own steps where "
         "the bench logs no pressure, and its mean over the same windows is the reference. A zero that it shows while the pump stands is taken off where it is more than "

@@ -12,6 +12,7 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.flow.declaration import FlowSettings
 from pipeline.rigs.rap.flow.meter_clock import MeterClock, meter_clock
 from pipeline.rigs.rap.flow.record import FlowRun
+from pipeline.rigs.rap.flow.window_means import means
 from pipeline.rigs.rap.flow.windows import FlowWindows
 from pipeline.rigs.rap.flow.zero import Zero, resting, zero_of
 from pipeline.rigs.rap.pulsation.harmonics import Harmonics, harmonics
@@ -21,8 +22,6 @@ from pipeline.rigs.rap.pulsation.steady import held, steady_windows, steps
 from pipeline.rigs.rap.pulsation.windows import Windows, cut
 from pipeline.rigs.rap.tables import Signal
 
-# A window that lost more of the meter's or a pressure's samples than that is left out.
-_FILLED = 0.6
 # The meter reads another zero than 0 where it is so many standard errors, and so much (m^3/s), away from it.
 _ZERO_SIGMA, _ZERO_LEAST = 4.0, 0.3e-6 / 60.0
 # Changes of the set flow and of the UF rate that count as such, as shares of the largest: a regulated UF rate wanders.
@@ -58,14 +57,14 @@ def run_numbers(run: FlowRun, settings: FlowSettings) -> RunNumbers:
     passages, f, f_error, source = _frequency(run, windows)
     known = np.isfinite(f)
     windows, f, f_error = windows.of(known), f[known], f_error[known]
-    metered, metered_error = _meter(run, clock, windows)
+    metered, metered_error = _meter(run, clock, windows, f)
     meter_zero = _meter_zero(run, clock, rests)
     frozen = _frozen(metered, metered_error, f)
     metered = np.where(frozen, np.nan, metered)
     zeroed = meter_zero.known and abs(meter_zero.value) > max(_ZERO_SIGMA * meter_zero.error, _ZERO_LEAST)
     if zeroed:
         metered = metered - meter_zero.value
-    means = {tap: _mean(run.pressures.get(tap), windows) - own[tap].value if tap in own else np.full(f.size, np.nan)
+    level = {tap: means(run.pressures.get(tap), windows, f)[0] - (own[tap].value if tap in own else 0.0)
              for tap in ("access", "prefilter", "return")}  # fmt: skip
     line = _line(run, windows, f)
     texts = {"run": run.name, "role": run.role, "tube": run.tube}
@@ -79,14 +78,14 @@ def run_numbers(run: FlowRun, settings: FlowSettings) -> RunNumbers:
         f_error=f_error,
         A_1=line.amplitude(1) if line is not None else np.full(f.size, np.nan),
         A_1_error=line.amplitude_error(1) if line is not None else np.full(f.size, np.nan),
-        back_pressure=means["prefilter"] - means["access"],
-        access=means["access"],
-        prefilter=means["prefilter"],
-        back=means["return"],
+        back_pressure=level["prefilter"] - level["access"],
+        access=level["access"],
+        prefilter=level["prefilter"],
+        back=level["return"],
         metered=metered,
         metered_error=metered_error,
         flow=np.full(f.size, np.nan),
-        own=_mean(run.own, windows),
+        own=means(run.own, windows)[0],
     )
     return RunNumbers(
         run,
@@ -152,7 +151,7 @@ def _frequency(run: FlowRun, windows: Windows) -> tuple[Passages | None, np.ndar
         found = find_passages(pulsating[1].time, pulsating[1].values, windows, BAND)
         return found, found.frequency, found.frequency_error, pulsating[1].name
     assert run.speed is not None
-    mean = _mean(run.speed, windows)
+    mean = means(run.speed, windows)[0]
     return None, mean, np.full(mean.size, np.nan), run.speed.name
 
 
@@ -164,33 +163,11 @@ def _line(run: FlowRun, windows: Windows, f: np.ndarray) -> Harmonics | None:
     return harmonics(pulsating[1].time, pulsating[1].values, windows, f)
 
 
-def _mean(one: Signal | None, windows: Windows) -> np.ndarray:
-    """Return the mean of a channel over each window, shape (w,); NaN without channel or with too few samples."""
-    if one is None or not windows.size:
-        return np.full(windows.size, np.nan)
-    return _mean_and_error(one, windows.start, windows.end)[0]
-
-
-def _mean_and_error(one: Signal, start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and standard error (of independent samples) between start and end, shape (w,) each."""
-    first, last = np.searchsorted(one.time, start - 1e-9), np.searchsorted(one.time, end - 1e-9)
-    level = float(np.mean(one.values))
-    sums = np.concatenate([[0.0], np.cumsum(one.values - level)])
-    squares = np.concatenate([[0.0], np.cumsum((one.values - level) ** 2)])
-    count = last - first
-    n = np.maximum(count, 1)
-    mean = (sums[last] - sums[first]) / n
-    variance = np.maximum((squares[last] - squares[first]) / n - mean**2, 0.0)
-    expected = one.rate * (end - start) if np.isfinite(one.rate) else np.ones_like(start)
-    enough = (count >= np.maximum(_FILLED * expected, 1.0)) & (count > 0)
-    return np.where(enough, mean + level, np.nan), np.where(enough, np.sqrt(variance / np.maximum(n - 1, 1)), np.nan)
-
-
-def _meter(run: FlowRun, clock: MeterClock | None, windows: Windows) -> tuple[np.ndarray, np.ndarray]:
+def _meter(run: FlowRun, clock: MeterClock | None, windows: Windows, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the meter's mean over the windows and its standard error, m^3/s, shape (w,) each."""
-    if run.meter is None or clock is None or not windows.size:
-        return np.full(windows.size, np.nan), np.full(windows.size, np.nan)
-    return _mean_and_error(run.meter, clock.to_meter(windows.start), clock.to_meter(windows.end))
+    if clock is None:
+        return means(None, windows)
+    return means(run.meter, Windows(clock.to_meter(windows.start), clock.to_meter(windows.end)), f)
 
 
 def _frozen(metered: np.ndarray, error: np.ndarray, f: np.ndarray) -> np.ndarray:

@@ -136,7 +136,7 @@ def of_trap(findings: Findings) -> Blocks:
         Text([text]),
         Table(
             "trap", "Laws fitted to unclamped set-points only",
-            "Largest relative error on the windows that they were fitted to, and on the clamped ones of the same calibration.",
+            "Largest relative error on the windows that they were fitted to, and on clamped ones, of the calibration or else of the hold-out.",
             [Column("law"), Column("unclamped, fitted", "%"), Column("clamped, predicted", "%"), Column("coefficients, SI")], rows,
         ),
     ]  # fmt: skip

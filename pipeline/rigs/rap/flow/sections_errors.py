@@ -61,7 +61,7 @@ def meter_position(findings: Findings) -> str:
     if meter["used"]:
         how = "as stated" if meter["stated"] else "as the logs themselves tell, it is not stated"
         added = (
-            " It reads Q_b - Q_uf there: the UF rate is added to it."
+            " On the return line it reads Q_b - Q_uf: the UF rate is added to it."
             if meter["used"] == "return"
             else " It reads the blood flow there."
         )
@@ -186,7 +186,7 @@ def _flows(findings: Findings) -> Table:
             found = next(iter(findings.find("flow", run=str(run), estimator=name, **at)), None)
             known = found is not None and found.value is not None
             cells.append(Value(found.value, found.std_error, found.ci95) if found is not None and known else None)
-            told += [f"{name}: {text}" for text in (row["doubt"] or row["why_not"],) if text]
+            told += [f"{name}: {text.split(':')[0]}" for text in (row["doubt"] or row["why_not"],) if text]
         metered = float(both["metered"].iloc[0])
         flow_set = float(level) if math.isfinite(level) else None
         rows.append([str(run), flow_set, metered if math.isfinite(metered) else None, *cells, "; ".join(told)])

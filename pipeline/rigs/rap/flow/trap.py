@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.rigs.rap.flow.calibration import LAWS, solve, usable
 from pipeline.rigs.rap.flow.results import Trap
-from pipeline.rigs.rap.flow.windows import FlowWindows
+from pipeline.rigs.rap.flow.windows import FlowWindows, stacked
 
 # The access line is open where its resistance is within that share of the least one.
 _OPEN = 0.3
@@ -26,11 +26,17 @@ def unclamped(windows: FlowWindows) -> np.ndarray:
     return np.isin(words, ("", "1", "1.0", "open", "none", "no", "off", "unclamped"))
 
 
-def trap_of(windows: FlowWindows) -> Trap | None:
-    """Fit laws to the unclamped windows alone and try them on the clamped ones; None where there are not both."""
-    usual = usable(LAWS["E2"], usable(LAWS["E3"], windows))
-    open_line = unclamped(usual)
+def trap_of(calibration: FlowWindows, holdout: FlowWindows) -> Trap | None:
+    """Fit laws to the unclamped calibration windows alone and try them on the clamped ones, of the hold-out where there are no others.
+
+    None where there are not both.
+    """
+    usual = _usable(calibration)
+    open_line = unclamped(usual) if usual.size else np.empty(0, dtype=bool)
     inside, outside = usual.of(open_line), usual.of(~open_line)
+    if not outside.size and inside.size and holdout.size:
+        both = _usable(stacked([calibration, holdout]))
+        outside = both.of(~unclamped(both))
     if not outside.size or np.unique(inside.set_point).size < 3:
         return None
     values = {name: solve(LAWS[name], inside) for name in ("E1", "affine", "E2", "E3")}
@@ -39,3 +45,7 @@ def trap_of(windows: FlowWindows) -> Trap | None:
         for part in (inside, outside)
     ]
     return Trap(worst[0], worst[1], values)
+
+
+def _usable(windows: FlowWindows) -> FlowWindows:
+    return usable(LAWS["E2"], usable(LAWS["E3"], windows))
