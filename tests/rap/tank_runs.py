@@ -67,7 +67,7 @@ def tank_run(
     asked = np.where(t >= start, RATE, 0.0)
     if pause is not None:
         asked[(t >= pause[0]) & (t < pause[1])] = 0.0
-    V = V0 + np.concatenate([[0.0], np.cumsum((gain * asked)[:-1])])
+    V = V0 + np.concatenate([[0.0], np.cumsum((gain * asked)[1:])])
     if drained is not None:
         V = np.where(t >= drained, V - V[int(drained)] + left, V)
     T = housing_temperature(t, 298.15, 303.15, 1200.0)

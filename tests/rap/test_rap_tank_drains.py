@@ -9,7 +9,7 @@ from pipeline.rigs.rap.therapy.drains import drain_times, emptied
 
 
 def removed(run):
-    return (run.gain * run.asked)[:-1].sum()
+    return (run.gain * run.asked)[1:].sum()
 
 
 @pytest.mark.parametrize("pressed", [[], [1790.0]])

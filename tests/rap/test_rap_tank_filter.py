@@ -11,7 +11,8 @@ from pipeline.rigs.rap.tables import Signal
 from pipeline.rigs.rap.therapy.command import command_of
 from pipeline.rigs.rap.therapy.consistency import consistency
 from pipeline.rigs.rap.therapy.pump_gain import mean_gain
-from pipeline.rigs.rap.therapy.tank_filter import PATIENCE, TankFilter, track_volume
+from pipeline.rigs.rap.therapy.tank_filter import track_volume
+from pipeline.rigs.rap.therapy.tank_kalman import PATIENCE, TankFilter
 
 
 def rough(n=400):

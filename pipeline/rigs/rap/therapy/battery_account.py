@@ -105,7 +105,9 @@ def account(
         span = float(time[-1] - time[0])
         mean = float(used_course[-1]) / span
         sd = math.hypot(_mean_sd(power), gain_u * abs(mean))
-        used = estimate("energy_used", float(used_course[-1]), sd * span, reason="voltage times current over time")
+        reading_sd = float(np.std(np.diff(power))) / math.sqrt(2.0 * power.size)
+        own_sd = math.hypot(reading_sd, gain_u * abs(mean)) * span
+        used = estimate("energy_used", float(used_course[-1]), own_sd, reason="voltage times current over this run")
         source = "voltage and current"
     elif level is not None:
         time, power, used_course, mean, sd, used = _by_level(level, energy, stated, problems)
@@ -126,7 +128,9 @@ def account(
     )
     if mean > 0.0 and sd < 0.5 * mean:
         lasts_for = runtime(energy, eta, mean)
-        projected = estimate("runtime_projected", lasts_for, lasts_for * sd / mean, reason=reason)
+        wandering = "its error holds that the power wanders"
+        told = "; ".join(x for x in (reason, wandering) if x)
+        projected = estimate("runtime_projected", lasts_for, lasts_for * sd / mean, reason=told)
         recent = time >= time[-1] - _LAST
         last = float(used_course[-1] - used_course[recent][0]) / max(float(time[-1] - time[recent][0]), 1e-9)
         remaining = eta * energy - float(used_course[-1])

@@ -13,6 +13,7 @@ from pipeline.rigs.rap.tables import Signal
 
 COMMAND, SET_POINT = "uf_pump_command", "uf_flow_set"
 _LONG_GAP = 30.0
+_SAMPLED = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,9 @@ def command_of(
         problems.append(QualityFinding("warning", text, channel=chosen.name))
         rate = np.maximum(rate, 0.0)
     steps = np.diff(time)
+    if command is not None and time.size > 2 and float(np.median(steps)) <= _SAMPLED:
+        # Eq. 9: a row of a sampled command is what was asked for up to it; rows written on a change alone hold from them on.
+        time = time - float(np.median(steps))
     gaps = np.flatnonzero(steps > max(_LONG_GAP, 5.0 * float(np.median(steps)))) if time.size > 2 else np.zeros(0, int)
     for i in gaps:
         text = f"{chosen.name} has a gap of {time[i + 1] - time[i]:.0f} s; the value before it is held."

@@ -15,7 +15,8 @@ from itertools import product
 import numpy as np
 
 from pipeline.rigs.rap.therapy.command import Command
-from pipeline.rigs.rap.therapy.tank_filter import EMPTY_SD, GAIN_SD, LITRE, NOISE, TankCourse
+from pipeline.rigs.rap.therapy.tank_filter import TankCourse
+from pipeline.rigs.rap.therapy.tank_kalman import EMPTY_SD, GAIN_SD, LITRE, NOISE
 
 _UNKNOWN_SD = 5.0
 # Of the wander, and the odds of it: eq. 9 takes a gain to stray by 0.02 within an hour.

@@ -19,7 +19,7 @@ from pipeline.rigs.rap.circuit.membrane import T_REF, effective_pressure, water_
 from pipeline.rigs.rap.therapy.command import Command
 from pipeline.rigs.rap.therapy.decline_errors import LineErrors, line_errors, student_two_sided
 from pipeline.rigs.rap.therapy.gain_posterior import GainPosterior
-from pipeline.rigs.rap.therapy.tank_filter import GAIN_SD
+from pipeline.rigs.rap.therapy.tank_kalman import GAIN_SD
 from pipeline.rigs.rap.therapy.transmembrane import Transmembrane
 
 BLOCK = 2400.0

@@ -119,6 +119,8 @@ def scale_lag(scale: Weighed, course: TankCourse) -> ScaleLag:
         n = effective_size(residual(lag), 3 * len(pieces))
         sd = math.sqrt(2.0 * least / (n * curvature)) if curvature > 0.0 else math.inf
         if sd < _CLOCK_SURE and abs(lag) < 0.95 * SEARCH:
+            # Which second a row of the command stands for is not known better.
+            sd = math.hypot(sd, 0.5)
             told = estimate("scale_lag", lag, sd, reason="from starts and stops, which both show")
             return ScaleLag(told, lag, sd, ())
     reason = (
@@ -178,7 +180,7 @@ def against_scale(
     time, volume, sd
         Estimate on the device's clock, shape (m,), m^3; `sd` None where it tells no error.
     first_echo
-        Where the comparison begins, s; from the start where None.
+        Where the comparison begins, s; None: no level was ever seen.
     gain_u
         Relative standard uncertainty of the scale's gain (type B).
     emptied
@@ -191,12 +193,14 @@ def against_scale(
     Raises
     ------
     InputError
-        If fewer than five minutes are common after the first echo.
+        If there is no echo, or fewer than five minutes are common after the first one.
     """
+    if first_echo is None:
+        raise InputError("the level was never seen, so there is no estimate of the volume to hold against the scale.")
     problems: list[QualityFinding] = []
     scale, touched = without_touches(scale, tuple(t + lag.value for t in emptied), 120.0)
     problems += touched
-    begin = max(first_echo if first_echo is not None else -math.inf, float(time[0]), float(scale.time[0] - lag.value))
+    begin = max(first_echo, float(time[0]), float(scale.time[0] - lag.value))
     end = min(float(time[-1]), float(scale.time[-1] - lag.value))
     edges = begin + _BIN * np.arange(int(max(end - begin, 0.0) // _BIN) + 1)
     if edges.size < 6:
@@ -301,7 +305,7 @@ def _running(time: np.ndarray, volume: np.ndarray, counted: np.ndarray) -> np.nd
     """Tell which means lie on the longest rise without a pause or an emptying."""
     rate = np.diff(volume, append=np.nan) / _BIN
     usual = np.nanmedian(rate[counted]) if counted.any() else math.nan
-    on = counted & (rate > 0.4 * usual) & (rate < 2.5 * usual)
+    on = counted & (rate > 0.75 * usual) & (rate < 1.33 * usual)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
     out = np.zeros(time.size, dtype=bool)
     if edges.size:
