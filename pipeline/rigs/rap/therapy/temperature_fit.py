@@ -20,6 +20,8 @@ _FIRST_HOUR = 3600.0
 _EARLY = 300.0
 # A sensor whose offset nobody has checked, K (1 sigma): the device's own.
 _UNCHECKED = 0.5
+# Noise of a reading where too few show it, K.
+_UNCHECKED_READING = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +254,7 @@ def _reading_sd(sensor: Signal) -> float:
     """Return the noise of one reading, K: from second differences, which a slow course does not enter, and the steps."""
     T, step = sensor.values, _step(sensor.values)
     if T.size < 5:
-        return max(0.1, step)
+        return _UNCHECKED_READING
     # The warming bends in its first samples.
     second = np.diff(T, 2)
     second = second[min(6, second.size // 2) :]
