@@ -226,11 +226,3 @@ def test_runs_may_have_their_meters_on_different_lines():
     )
     assert found.verdict == "ok"
     assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.009
-
-
-def test_runs_may_have_their_meters_on_different_lines():
-    found = identified(
-        [*logs(["calibration"], uf_flow=UF), *logs(["holdout"], flowmeter_location="return", uf_flow=UF)]
-    )
-    assert found.verdict == "ok"
-    assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.009
