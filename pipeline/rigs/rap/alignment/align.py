@@ -58,8 +58,9 @@ def align(pairs: Sequence[Pair], bench_pole: float | None = None, search: float 
             "no channel of the device can be laid beside one of the bench: both must have 20 samples at least, and move. "
             "Log a pressure on both."
         )
-    own = [pair for pair in usable if not pair.copied]
-    coarse = coarse_lag(own or usable, search)
+    coarse = coarse_lag(usable, search)
+    lag = coarse.lag if math.isfinite(coarse.lag) else 0.0
+    own = [pair for pair in usable if not pair.copied(lag)]
     if not own:
         return _nothing(usable, coarse, bench_pole, _COPIED)
     usable = own
@@ -107,7 +108,7 @@ def _from_lines(found: ByLines, coarse: Coarse, stated: bool, search: float) -> 
     if not sd["delay"] < _LARGEST_ERROR:
         doubt = (
             doubt
-            or f"the pump's lines tell the lag no better than to {sd['delay']:.2g} s: pulsation is hardly seen on both sides"
+            or f"the pump's lines do not tell lag and pole apart (lag to {sd['delay']:.2g} s at best): pulsation is hardly seen, or both sides hold the readings of one sensor"
         )
     remark = (
         ""

@@ -26,6 +26,8 @@ _LEAST_DRIFT = 30.0
 # A number counts from so many standard errors on.
 _SURE = 4.0
 _FEWEST = 8
+# Ultrafiltration is on above that, m^3/s, and a transmembrane pressure tells it above that, Pa.
+_UF_ON, _LEAST_TMP = 1e-9, 300.0
 _HOUR = 3600.0
 
 
@@ -132,8 +134,29 @@ def misfits_of_circuit(found: Hydraulics) -> list[Misfit]:
                     _RESISTANCE,
                 )
             )
+    membrane = _membrane_trend(found)
+    told += [membrane] if membrane is not None else []
     step = _meter_step(found)
     return told + ([step] if step is not None else [])
+
+
+def _membrane_trend(found: Hydraulics) -> Misfit | None:
+    """Return how the membrane's coefficient changes from start to end of the ultrafiltration, relative."""
+    mean, uf = found.means.mean, found.uf_flow
+    if not {"prefilter", "return", "uf"} <= set(mean):
+        return None
+    p = {tap: mean[tap] - found.zero.get(tap, 0.0) for tap in ("prefilter", "return", "uf")}
+    tmp = 0.5 * (p["prefilter"] + p["return"]) - p["uf"]
+    used = found.means.turning & np.isfinite(tmp) & (uf > _UF_ON) & (tmp > _LEAST_TMP)
+    if used.sum() < _FEWEST:
+        return None
+    coefficient = uf[used] / tmp[used]
+    time = found.means.windows.centre[used]
+    groups = np.unique(found.means.level[used] * 100000 + np.arange(time.size) // 2, return_inverse=True)[1]
+    span = max(float(np.ptp(time)), 1.0)
+    columns = np.stack([np.ones_like(time), (time - time.mean()) / span], axis=-1)
+    slope, sd = last_coefficient(columns, coefficient / coefficient.mean() - 1.0, groups)
+    return Misfit("resistance_trend", "k_uf", slope, sd, "1", _RESISTANCE)
 
 
 def _meter_step(found: Hydraulics) -> Misfit | None:

@@ -178,7 +178,7 @@ def coefficient(
     used = means.turning & np.isfinite(tmp) & np.isfinite(uf)
     on, off = used & (uf > UF_OFF), used & (np.abs(uf) <= UF_OFF)
     if on.sum() < _FEWEST:
-        return "the ultrafiltration was never on (uf_flow_set), or is not logged: nothing passes the membrane"
+        return "the ultrafiltration was never on, or is not logged (uf_flow_set), or the clock of its log is not known: nothing is seen to pass the membrane"
     if not off.any() and not zero_sd:
         return "the ultrafiltration is never off and the pump never stands: the zero of the transmembrane pressure is not known"
     block = _blocks(means, used)
