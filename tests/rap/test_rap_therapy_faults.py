@@ -208,3 +208,22 @@ def test_seconds_of_log_are_refused_in_words_or_give_nothing() -> None:
 def test_check_speaks_in_the_words_of_identify() -> None:
     run = altered(short(), lambda k, v: -v if k == "uf_mass_scale" else v)
     assert any("sign is turned" in q.message and q.level == "error" for q in check(run))
+
+
+def test_scale_without_tare_on_a_filled_tank_tells_changes_only() -> None:
+    findings = found(altered(made(), conditions={"mass_tare": None}))
+    assert "mass_tare is not stated and the scale starts at" in said(findings)
+    rms = findings.one("uf_volume_error_rms").value
+    assert rms is not None
+    assert rms < 5e-6
+
+
+def test_clock_that_began_long_before_the_run_changes_no_number() -> None:
+    run = short()
+    streams = {n: Stream(n, s.time + 86400.0, s.channels) for n, s in run.streams.items()}
+    late, usual = found(replace(run, streams=streams)), found(run)
+    for name in ("time_constant", "temperature_initial"):
+        for source in ("rap", "bench"):
+            expected = usual.one(name, source=source)
+            assert late.one(name, source=source).value == pytest.approx(expected.value, rel=1e-3)
+    assert late.one("uf_volume_final").value == pytest.approx(usual.one("uf_volume_final").value, rel=1e-3)

@@ -7,10 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+import numpy as np
+
 from pipeline.errors import InputError
 from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.circuit.tank import Tank
-from pipeline.rigs.rap.tables import entries
+from pipeline.rigs.rap.tables import Signal, entries
 from pipeline.rigs.rap.therapy.command import Command, command_of
 from pipeline.rigs.rap.therapy.drains import Emptying, drain_times, emptied
 from pipeline.rigs.rap.therapy.levels import Levels, level_course, tank_of
@@ -27,6 +29,8 @@ Result = TypeVar("Result")
 SALINE_DENSITY = 1004.0
 # Stretches without a level from that on are told, s.
 _LONG_BLIND = 60.0
+# A scale that starts below that is taken for an empty one, kg: its first readings; else it is set over so many seconds.
+_EMPTY, _FIRST, _SETTING = 0.02, 30, 300.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +164,28 @@ def _blind(levels: Levels, course: TankCourse) -> list[QualityFinding]:
     return found
 
 
+def _set_to_level(
+    by_scale: Weighed, course: TankCourse, lag: ScaleLag, scale: Signal
+) -> tuple[Weighed, list[QualityFinding]]:
+    """Return the scale with the level's volume at the first echo where neither its tare nor an empty start is known."""
+    first = float(np.median(scale.values[:_FIRST]))
+    if by_scale.tare_known or abs(first) < _EMPTY or course.first_echo is None:
+        return by_scale, []
+    time = by_scale.time - lag.value
+    known = (course.time >= course.first_echo) & (course.time <= course.first_echo + _SETTING)
+    there = by_scale.good & (time >= course.first_echo) & (time <= course.first_echo + _SETTING)
+    if not known.any() or not there.any():
+        return by_scale, []
+    offset = float(np.median(course.volume[known]) - np.median(by_scale.volume[there]))
+    text = (
+        f"mass_tare is not stated and the scale starts at {1e3 * first:.0f} g: it is set to the level's volume at the first echo, so that only "
+        "what came since is compared. State mass_tare, what the scale reads with an empty tank."
+    )
+    return replace(by_scale, volume=by_scale.volume + offset), [
+        QualityFinding("warning", text, channel="uf_mass_scale")
+    ]
+
+
 def _weighed(record: Record, found: VolumeNumbers, set_rate: float | None, steps: _Steps) -> VolumeNumbers:
     """Hold the filter and the device's own estimate against the scale."""
     scale = record.signal("uf_mass_scale")
@@ -186,6 +212,9 @@ def _weighed(record: Record, found: VolumeNumbers, set_rate: float | None, steps
     found = replace(found, lag=lag)
     if lag is None:
         return found
+    weighing, moved = _set_to_level(by_scale, course, lag, scale)
+    steps.problems += moved
+    found = replace(found, weighed=weighing)
     gain_u = record.number("scale_gain_u") or 0.0
     drained = tuple(one.time for one in found.emptyings)
     error = steps.done(
@@ -194,7 +223,7 @@ def _weighed(record: Record, found: VolumeNumbers, set_rate: float | None, steps
             course.time,
             course.volume,
             course.volume_sd,
-            by_scale,
+            weighing,
             lag,
             first_echo=course.first_echo,
             gain_u=gain_u,
@@ -211,7 +240,7 @@ def _weighed(record: Record, found: VolumeNumbers, set_rate: float | None, steps
                 own.time,
                 own.values,
                 None,
-                by_scale,
+                weighing,
                 lag,
                 what="the device's own volume",
                 first_echo=course.first_echo,
