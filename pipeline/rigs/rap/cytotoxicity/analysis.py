@@ -96,6 +96,10 @@ def _control(samples: Samples, times: np.ndarray) -> Control:
     return "each" if treated <= own else "some"
 
 
+# Shares that are equal but for rounding do not scatter.
+_NO_SCATTER = 1e-9
+
+
 def _outcome(
     samples: Samples,
     times: np.ndarray,
@@ -125,6 +129,14 @@ def _outcome(
         why = "one culture of each group: nothing tells how far cultures scatter, so the difference has no interval"
         alone = {time: f"{why}; it is {100 * value:+.3g} points" for time, value in zip(at, found.value, strict=True)}
         return Outcome(name, margin, blank, (), (), None, {**alone, **missing}, "inconclusive", why)
+    if not found.deviation > _NO_SCATTER:
+        why = f"{name} is the same in all cultures of a time: nothing tells how far cultures scatter, so the difference has no interval"
+        problems.append(
+            QualityFinding(
+                "warning", f"{why}. Log each culture's own count, not a mean or a copy of it.", samples.run, name
+            )
+        )
+        return Outcome(name, margin, blank, (), (), None, {**dict.fromkeys(at, why), **missing}, "inconclusive", why)
     problems += unequal_scatter(samples.run, name, [*treated, *_distinct(controls)])
     problems += lone_sample(samples, times, name, found.deviation, found.dof)
     verdict = verdict_of(found, margin)
@@ -177,9 +189,15 @@ def _of_times(samples: Samples, times: np.ndarray, settings: CytotoxicitySetting
     missing = [t for t in due if t not in present]
     if not missing or not present:
         return []
-    for factor, unit in ((60.0, "minutes"), (3600.0, "hours")):
-        if len(due) > 2 and all(any(abs(factor * p - t) <= 0.02 * t + 1e-9 for p in samples.time) for t in due):
-            message = f"the times of sampling are those of the protocol in {unit} taken for seconds: give the unit of the time, in the log or the recipe."
+    for factor, units in (
+        (60.0, "minutes taken for seconds, or hours for minutes"),
+        (3600.0, "hours taken for seconds"),
+    ):
+        if len(due) > 2 and all(any(abs(factor * p - t) <= 0.02 * t + 1e-2 for p in samples.time) for t in due):
+            message = (
+                f"the times of sampling are the protocol's divided by {factor:g}: {units}? Mend the unit of the time, in the log or "
+                "the recipe."
+            )
             return [QualityFinding("warning", message, samples.run, "time")]
     message = f"no treated sample was drawn at {_minutes(missing)}, as the protocol asks (setting 'times')."
     return [QualityFinding("warning", message, samples.run, "time")]

@@ -13,6 +13,8 @@ from pipeline.recording import QualityFinding
 _PERCENT = 1.5
 # Shares of all cells may miss 1 by this much: counting and rounding.
 _SUM_OFF = 0.03
+# A share below zero by no more than this is zero less a background.
+_BACKGROUND = 0.01
 
 
 def as_shares(
@@ -66,19 +68,25 @@ def judge_shares(run: str, time: np.ndarray, shares: Mapping[str, np.ndarray], p
     Raises
     ------
     InputError
-        If a share is negative.
+        If a share is negative by more than a background that was subtracted.
     """
     for name, column in shares.items():
         below, beyond = (np.flatnonzero(np.isfinite(column) & odd) for odd in (column < 0.0, column > 1.0 + 1e-9))
-        if below.size:
+        if below.size and np.nanmin(column) < -_BACKGROUND:
             raise InputError(
                 f"run '{run}': {name} is {100 * column[below[0]]:.3g} % in sample {below[0] + 1}; a share of cells is not negative. "
-                "Mend the log, or subtract no background from shares."
+                "Mend the log."
             )
+        if below.size:
+            message = (
+                f"{name} is negative in {below.size} of {column.size} samples, down to {100 * np.nanmin(column):.2g} %: a background was "
+                "subtracted? The numbers are used as they are."
+            )
+            problems.append(QualityFinding("warning", message, run, name))
         if beyond.size:
             message = (
                 f"{name} is more than 100 % in {beyond.size} of {column.size} samples, up to {100 * np.nanmax(column):.4g} % at "
-                f"{time[beyond[np.argmax(column[beyond])]]:.6g} s: check the gating, or say what it is related to."
+                f"{time[beyond[np.argmax(column[beyond])]] / 60.0:.4g} min: check the gating, or say what it is related to."
             )
             problems.append(QualityFinding("warning", message, run, name))
     if len(shares) == 3:
