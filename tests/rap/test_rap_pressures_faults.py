@@ -249,3 +249,19 @@ def test_run_without_any_pressure_is_refused() -> None:
     names = [channel.name for channel in usual() if channel.name.startswith("pressure_")]
     with pytest.raises(InputError, match="no pressure of device or bench"):
         found(without(usual(), *names))
+
+
+def test_membrane_that_clogs_within_the_run_is_told() -> None:
+    def falling(p: np.ndarray) -> np.ndarray:
+        # A coefficient that falls lets the ultrafiltrate pressure sink while ultrafiltration is on.
+        return np.where(p < -500.0, p - 6.0 * np.arange(p.size) / 20.0, p)
+
+    findings = found(changed(usual(), pressure_uf_bench=falling, pressure_uf_rap=falling, pressure_uf_prot=falling))
+    assert "K_uf changes by -" in messages(findings)
+    assert findings.verdict == "warning"
+
+
+def test_meter_on_the_return_line_is_told_where_the_run_says_otherwise() -> None:
+    findings = found(told(pressures(**SHORT, flowmeter_location="return"), {"flowmeter_location": "access"}))
+    assert "meter reads Q_b - Q_uf" in messages(findings)
+    assert findings.verdict == "warning"

@@ -41,6 +41,11 @@ def _told(check: Misfit) -> str:
     where = TAP_NAMES.get(check.channel or "", check.channel or "")
     percent = f"{100 * check.value:+.1f} ± {196 * check.std_error:.1f} %"
     circuit = _RESISTANCES.get(check.channel or "", where)
+    if check.name == "resistance_trend" and check.channel == "k_uf":
+        return (
+            f"ultrafiltration coefficient K_uf changes by {percent} from start to end of the ultrafiltration: saline has no protein, so temperature (about 2 %/K), trapped air, "
+            "an offset that drifts or a wrong UF rate; with blood or medium a clogging membrane. One number does not hold for the run, see rap.therapy"
+        )
     words = {
         "residual_line": f"residual pulsation after alignment: {abs(100 * check.value):.1f} % of the {where} stroke is left in device less bench: lag, pole or gain of that "
         "tap are not what was found, or it has air",

@@ -13,11 +13,11 @@ _WORDS = {
     "drift": "drift of device less bench",
     "curvature": "change of gain over the range of pressure",
     "pulsation_gain": "gain of the pulsation over that of the means, less 1",
-    "resistance_trend": "change of the resistance within the run, at equal flow",
+    "resistance_trend": "change of the resistance (or of Kuf) within the run, at equal flow",
     "resistance_over_flow": "change of the resistance from lowest to highest flow",
     "meter_step": "meter's step when ultrafiltration comes on, over its rate (return line: -1)",
 }
-_CIRCUIT = {"r_access": "Ra", "r_filter": "Rf", "r_return": "Rr", "": "flow meter"}
+_CIRCUIT = {"r_access": "Ra", "r_filter": "Rf", "r_return": "Rr", "k_uf": "Kuf", "": "flow meter"}
 
 
 def of_checks(findings: Findings) -> Blocks:
