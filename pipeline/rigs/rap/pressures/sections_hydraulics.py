@@ -273,7 +273,8 @@ def _unobservable(findings: Findings) -> Blocks:
     if rows.empty:
         return []
     cells: list[list[Cell]] = [
-        [str(r["name"]), str(r["reason"])] for r in rows.drop_duplicates("name").to_dict("records")
+        [_HIDDEN.get(str(r["name"]), str(r["name"])), str(r["reason"])]
+        for r in rows.drop_duplicates("name").to_dict("records")
     ]
     return [
         Table(

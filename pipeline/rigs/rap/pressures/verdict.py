@@ -20,8 +20,6 @@ from pipeline.rigs.rap.pressures.judgements import judged
 from pipeline.rigs.rap.pressures.run_numbers import RunNumbers
 
 _TOLD = 4
-AGREEMENT = ("lag", "clock_rate", "sensor_pole", "gain", "offset", "bias", "limit_lower", "limit_upper", "coherence")
-HYDRAULICS = ("r_access", "r_filter", "r_return", "c_return", "l_return", "c_uf", "k_uf")
 _WORDS = {spec.name: spec.name.replace("_", " ") for spec in PARAMETERS}
 
 
