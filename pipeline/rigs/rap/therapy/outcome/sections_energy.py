@@ -45,7 +45,7 @@ def of_temperature(findings: Findings) -> list[Figure | Table]:
                 "How does the housing warm up, and how far off is the device's sensor? Degrees Celsius are no ratio scale: the "
                 "percentage stands beside the error in kelvin only because the paper's limit is one.",
                 f"temperature of the housing's air over time, device and bench, with fitted exponentials and the error of run {run}",
-                panels, share_x=True,
+                panels, columns=2, share_x=True,
             )
         )  # fmt: skip
     numbers = _numbers(findings)
