@@ -8,7 +8,10 @@ from flow_logs import ML_MIN, identified, logs, of_the_usual, slowed, told, touc
 
 from pipeline.errors import InputError
 from pipeline.recording import Channel, Stream
+from pipeline.rigs.experiment import Context
 from pipeline.rigs.rap.flow.check import check
+from pipeline.rigs.rap.flow.declaration import FlowSettings
+from pipeline.rigs.rap.flow.identify import identify
 from pipeline.rigs.rap.synthetic.rig import synthesize_therapy
 
 COEFFICIENTS = ("stroke_volume", "y0", "y1", "stroke_volume_mean", "pump_compliance")
@@ -226,3 +229,11 @@ def test_runs_may_have_their_meters_on_different_lines():
     )
     assert found.verdict == "ok"
     assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.009
+
+
+def test_a_pump_faster_than_looked_for_is_told_and_can_be_looked_for():
+    runs = logs(["calibration"], flows=[1.5e-6, 1.9e-6, 2.3e-6])
+    assert "no window at" in warnings(identified(runs))
+    wider = identify(list(runs), FlowSettings(fastest=5.0), Context("test", {}))
+    assert "no window at" not in warnings(wider)
+    assert wider.one("pump_compliance").value == pytest.approx(2.207e-11, rel=0.02)

@@ -56,7 +56,7 @@ class Calibrated:
     misfit
         Relative error of a left-out operating point, root mean square: what an estimate is off beyond noise; NaN likewise.
     shared
-        The part of it that all operating points of a set-point share.
+        The part of it that all operating points of a set-point share, beyond what chance makes their mean.
     scatter
         Relative standard deviation of single windows about their operating point.
     windows
@@ -119,7 +119,9 @@ def calibrate(law: Law, windows: FlowWindows) -> Calibrated:
         return Calibrated(law, values, None, float("nan"), float("nan"), scatter, windows)
     levels = np.array([windows.set_point[at == p][0] for p in range(points.size)])
     by_level = [float(np.mean(np.array(missed)[levels == level])) for level in np.unique(levels)]
-    misfit, shared = (float(np.sqrt(np.mean(np.square(errors_of)))) for errors_of in (missed, by_level))
+    misfit = float(np.sqrt(np.mean(np.square(missed))))
+    by_chance = misfit**2 * len(by_level) / points.size
+    shared = float(np.sqrt(np.maximum(np.mean(np.square(by_level)) - by_chance, 0.0)))
     return Calibrated(law, values, covariance, misfit, shared, scatter, windows)
 
 

@@ -80,7 +80,7 @@ def _nothing(windows: FlowWindows, fitted: FlowWindows, location: Location) -> s
         return ""
     inside = windows.role == CALIBRATION
     if not inside.any():
-        return "no run of the set 'calibration' has a window in which the pump turns steadily"
+        return "no run states the set 'calibration', or none of those has a window in which the pump turns steadily"
     if not np.isfinite(windows.metered[inside]).any():
         return (
             "no calibration run has a flow meter (blood_flow_bench) in its windows: there is nothing to calibrate the estimators against. A "

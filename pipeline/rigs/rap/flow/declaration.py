@@ -20,6 +20,8 @@ class FlowSettings(Settings):
         5.0, ge=0, le=120, description="time left out behind a start or any change of speed, clamp or UF, s"
     )
     before: float = Field(1.5, ge=0, le=120, description="time left out ahead of such a change, s")
+    slowest: float = Field(0.8, gt=0.1, lt=10, description="slowest roller passages that are looked for, Hz")
+    fastest: float = Field(3.5, gt=0.2, le=20, description="fastest roller passages that are looked for, Hz")
     flow_gain_u: float = Field(
         0.005,
         ge=0,

@@ -80,11 +80,14 @@ def _row(found: Campaign, inside: FlowWindows, estimator: str, settings: FlowSet
 
 
 def _random(law: Calibrated, inside: FlowWindows) -> float:
-    """Return the relative error (type A) of a mean over these windows: what set-points share, the rest by operating point, noise."""
+    """Return the relative error (type A) of a mean over these windows: what set-points share, and the rest by operating point.
+
+    The noise of windows is in the latter already.
+    """
     if not math.isfinite(law.misfit):
         return law.scatter / math.sqrt(inside.size)
     own = max(law.misfit**2 - law.shared**2, 0.0) / np.unique(inside.point).size
-    return math.sqrt(law.shared**2 + own + law.scatter**2 / inside.size)
+    return math.sqrt(law.shared**2 + own)
 
 
 def _without(row: FlowRow, why: str) -> FlowRow:

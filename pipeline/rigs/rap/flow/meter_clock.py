@@ -16,6 +16,8 @@ from pipeline.rigs.rap.flow.record import FlowRun
 UNSURE = 30.0
 # Aligned by the pump's lines or by steps alone they are within that, s.
 _BY_LINES, _BY_STEPS = 0.1, 1.5
+# Where steps fit at one lag only (correlation of the best and of the second over it), a few strokes may still be open, s.
+_LIKE, _UNIQUE, _STROKES = 0.7, 0.9, 4.0
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,12 @@ def meter_clock(run: FlowRun) -> MeterClock:
         return MeterClock(Clock(0.0, 0.0), UNSURE, "nothing that both clocks see: stamps as logged")
     found = align(pairs, run.number("bench_sensor_time_constant"))
     told = tuple(replace(p, level="note") if found.sure else p for p in found.problems if p.level != "note")
+    coarse = found.coarse
+    if not found.sure and coarse.featured and coarse.peak > _LIKE and coarse.margin < _UNIQUE:
+        noted = tuple(replace(p, level="note") for p in told)
+        return MeterClock(
+            found.clock, _STROKES, "starts and steps; ambiguous by strokes, which does not matter here", noted
+        )
     if not found.sure:
         return MeterClock(found.clock, UNSURE, "the lag between the clocks is not sure", told)
     how = "pressures that both log" if pairs[0].alike else "steps of the meter against those of the pressures"

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.errors import listing
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.rap.conditions import pressure
 from pipeline.rigs.rap.flow.record import METER, FlowRun
@@ -70,7 +71,14 @@ def _weighed(finding: QualityFinding, useless: Mapping[str, str]) -> QualityFind
 def run_faults(numbers: RunNumbers) -> list[QualityFinding]:
     """Return what the windows of a run give away."""
     run = numbers.run
-    return [*numbers.problems, *_no_windows(numbers), *_encoder(numbers), *_meter(numbers), *_missing(run)]
+    return [
+        *numbers.problems,
+        *_no_windows(numbers),
+        *_lost(numbers),
+        *_encoder(numbers),
+        *_meter(numbers),
+        *_missing(run),
+    ]
 
 
 def _no_windows(numbers: RunNumbers) -> list[QualityFinding]:
@@ -85,6 +93,18 @@ def _no_windows(numbers: RunNumbers) -> list[QualityFinding]:
         )
         if numbers.clock is not None and numbers.clock.margin > 10.0:
             text += f"; {numbers.clock.how}, so that {numbers.clock.margin:.0f} s are kept off every change: log a pressure on the bench too"
+    return [QualityFinding("warning", text, numbers.run.name)]
+
+
+def _lost(numbers: RunNumbers) -> list[QualityFinding]:
+    """Tell set-points at which the pump turns and no window can be used."""
+    if not numbers.lost_set_points or not numbers.windows.size:
+        return []
+    levels = listing([f"{6e7 * level:.3g}" for level in numbers.lost_set_points], 6)
+    text = (
+        f"no window at {levels} mL/min can be used: {numbers.source} shows no steady line of the roller passages there in the band that is looked at (0.8 to 3.5 Hz "
+        "unless set otherwise). For slower or faster pumps set 'slowest' and 'fastest' in the recipe"
+    )
     return [QualityFinding("warning", text, numbers.run.name)]
 
 

@@ -16,7 +16,7 @@ from pipeline.rigs.rap.flow.window_means import means
 from pipeline.rigs.rap.flow.windows import FlowWindows
 from pipeline.rigs.rap.flow.zero import Zero, resting, zero_of
 from pipeline.rigs.rap.pulsation.harmonics import Harmonics, harmonics
-from pipeline.rigs.rap.pulsation.passages import BAND, Passages, find_passages
+from pipeline.rigs.rap.pulsation.passages import Passages, find_passages
 from pipeline.rigs.rap.pulsation.pump import Pump, Turning, pump
 from pipeline.rigs.rap.pulsation.steady import held, steady_windows, steps
 from pipeline.rigs.rap.pulsation.windows import Windows, cut
@@ -42,6 +42,7 @@ class RunNumbers:
     meter_zero: Zero
     meter_zeroed: bool
     meter_frozen: int
+    lost_set_points: tuple[float, ...]
     clock: MeterClock | None
     source: str
     problems: list[QualityFinding] = field(default_factory=list)
@@ -54,8 +55,10 @@ def run_numbers(run: FlowRun, settings: FlowSettings) -> RunNumbers:
     own = {tap: zero_of(one, rests) for tap, one in run.pressures.items()}
     clock = meter_clock(run) if run.meter is not None else None
     windows = _windows(run, turning, clock, settings)
-    passages, f, f_error, source = _frequency(run, windows)
+    looked_at = _set(run.flow_set, windows, np.nan)
+    passages, f, f_error, source = _frequency(run, windows, (settings.slowest, settings.fastest))
     known = np.isfinite(f)
+    lost = np.setdiff1d(looked_at[np.isfinite(looked_at)], looked_at[known])
     windows, f, f_error = windows.of(known), f[known], f_error[known]
     metered, metered_error = _meter(run, clock, windows, f)
     meter_zero = _meter_zero(run, clock, rests)
@@ -96,6 +99,7 @@ def run_numbers(run: FlowRun, settings: FlowSettings) -> RunNumbers:
         meter_zero,
         zeroed,
         int(frozen.sum()),
+        tuple(float(level) for level in lost),
         clock,
         source,
         [replace(p, run=run.name) for p in clock.problems] if clock is not None else [],
@@ -144,11 +148,13 @@ def _windows(run: FlowRun, turning: Pump, clock: MeterClock | None, settings: Fl
     )
 
 
-def _frequency(run: FlowRun, windows: Windows) -> tuple[Passages | None, np.ndarray, np.ndarray, str]:
+def _frequency(
+    run: FlowRun, windows: Windows, band: tuple[float, float]
+) -> tuple[Passages | None, np.ndarray, np.ndarray, str]:
     """Return passages, frequency and its error (Hz, NaN where not usable), and which channel they were found in."""
     pulsating = run.pulsating
     if pulsating is not None:
-        found = find_passages(pulsating[1].time, pulsating[1].values, windows, BAND)
+        found = find_passages(pulsating[1].time, pulsating[1].values, windows, band)
         return found, found.frequency, found.frequency_error, pulsating[1].name
     assert run.speed is not None
     mean = means(run.speed, windows)[0]

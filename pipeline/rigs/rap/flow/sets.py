@@ -32,7 +32,7 @@ def sets_of(windows: FlowWindows) -> Sets:
     """Sort the windows."""
     problems = []
     label = windows.role.copy()
-    if not np.any(windows.role != ""):
+    if windows.size and not np.any(windows.role != ""):
         label[:] = CALIBRATION
         text = (
             "no run states the condition 'set' (calibration or holdout): all runs calibrate, and their errors say how well the laws fit, not how "
