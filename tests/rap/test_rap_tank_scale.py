@@ -7,7 +7,9 @@ from tank_runs import RATE, tank_run
 from pipeline.errors import InputError
 from pipeline.rigs.rap.tables import Signal
 from pipeline.rigs.rap.therapy.regulation import regulate
-from pipeline.rigs.rap.therapy.volume_against_scale import against_scale, scale_lag, weighed
+from pipeline.rigs.rap.therapy.scale_clock import scale_lag
+from pipeline.rigs.rap.therapy.scale_record import weighed
+from pipeline.rigs.rap.therapy.volume_against_scale import against_scale
 
 
 def compared(run, scale=None, **settings):

@@ -19,9 +19,9 @@ from pipeline.rigs.rap.circuit.tank import (
     floor_margin,
     height_from_distance,
     tilt_of,
-    up_vector,
 )
 from pipeline.rigs.rap.tables import Signal
+from pipeline.rigs.rap.therapy.attitude import attitude
 from pipeline.rigs.rap.therapy.temperature_fit import AirTemperature
 
 USABLE, NO_ECHO, OUT_OF_TANK, TILTED, CUT, BLIND, FROZEN = range(7)
@@ -37,10 +37,8 @@ REASONS = {
 LEVEL_NOISE = 1e-3
 """Standard deviation of one echo, m (eq. 9)."""
 _SLOSH, _WALKING_TILT = 6e-3, 4e-3
-_MOVING = 0.2 / 9.81
 # How a tank may stand that nobody has levelled, rad (1 sigma).
 _UNKNOWN_TILT = math.radians(2.0)
-_AROUND = 3.0
 _FROZEN_FOR = 60
 _OUTSIDE = 0.02
 
@@ -162,7 +160,7 @@ def level_course(
     """
     problems: list[QualityFinding] = []
     time, D = _echoes(distance, valid)
-    n, moving = _attitude(time, accelerations, problems)
+    n, moving = attitude(time, accelerations, problems)
     told = all(a is not None for a in accelerations)
     tilt_doubt = 0.0 if told else math.hypot(tank.dx, tank.dy) * _UNKNOWN_TILT
     T, T_sd = _air(time, tank, temperature, problems)
@@ -210,43 +208,6 @@ def _echoes(distance: Signal, valid: Signal | None) -> tuple[np.ndarray, np.ndar
             D = np.array([np.median(p[np.isfinite(p)]) if np.isfinite(p).any() else np.nan for p in pieces])
         time = np.add.reduceat(time, starts) / np.diff(np.append(starts, time.size))
     return time, D
-
-
-def _attitude(
-    time: np.ndarray, accelerations: Sequence[Signal | None], problems: list[QualityFinding]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return up vectors (n, 3) and where the tank is moved (n,)."""
-    from scipy.ndimage import maximum_filter1d, uniform_filter1d
-
-    axes = [a for a in accelerations if a is not None]
-    if len(axes) < 3:
-        text = (
-            "without tank_accel_x, _y and _z the tank is taken to stand upright and still; "
-            "a tilt of 1.5 deg is worth about 8 mL. Log all three."
-        )
-        problems.append(QualityFinding("warning", text, channel="tank_accel_z"))
-        return np.tile([0.0, 0.0, 1.0], (time.size, 1)), np.zeros(time.size, dtype=bool)
-    base = axes[0].time
-    a = np.stack([axes[0].values, *(np.interp(base, other.time, other.values) for other in axes[1:])], axis=1)
-    size = np.linalg.norm(a, axis=1)
-    g = float(np.median(size)) or 1.0
-    if np.median(a[:, 2]) < 0.0:
-        a = -a
-        text = "tank_accel_z is negative at rest; it should read + 9.81 m/s^2. All three axes are taken with the other sign."
-        problems.append(QualityFinding("warning", text, channel="tank_accel_z"))
-    if not 9.3 < g < 10.3:
-        text = f"the accelerometer reads {g:.3g} m/s^2 at rest, not 9.81; only its direction is used. Check its unit and calibration."
-        problems.append(QualityFinding("warning", text, channel="tank_accel_z"))
-    rate = axes[0].rate if base.size > 2 else 1.0
-    around = max(round(_AROUND * rate), 1)
-    moved = maximum_filter1d((np.abs(size - g) > _MOVING * g).astype(np.int8), 2 * around + 1) > 0
-    width = max(round(rate), 1)
-    calm = uniform_filter1d(a, width, axis=0, mode="nearest") if width > 1 else a
-    shaken = uniform_filter1d(a, 2 * around + 1, axis=0, mode="nearest")
-    smooth = np.where(moved[:, None], shaken, calm)
-    at = np.stack([np.interp(time, base, smooth[:, i]) for i in range(3)], axis=1)
-    nearest = np.clip(np.searchsorted(base, time), 0, base.size - 1)
-    return up_vector(at), np.asarray(moved[nearest])
 
 
 def _air(

@@ -20,10 +20,11 @@ from pipeline.rigs.rap.therapy.outcome.thinning import spans
 from pipeline.rigs.rap.therapy.pump_gain import PumpGain, mean_gain
 from pipeline.rigs.rap.therapy.record import ACCELERATIONS, Record
 from pipeline.rigs.rap.therapy.regulation import Regulation, regulate
+from pipeline.rigs.rap.therapy.scale_clock import ScaleLag, scale_lag
 from pipeline.rigs.rap.therapy.scale_record import Weighed, weighed
 from pipeline.rigs.rap.therapy.tank_filter import TankCourse, track_volume
 from pipeline.rigs.rap.therapy.temperature_fit import air_temperature
-from pipeline.rigs.rap.therapy.volume_against_scale import ScaleLag, VolumeError, against_scale, scale_lag
+from pipeline.rigs.rap.therapy.volume_against_scale import VolumeError, against_scale
 
 Result = TypeVar("Result")
 SALINE_DENSITY = 1004.0
