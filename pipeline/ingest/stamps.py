@@ -6,7 +6,8 @@ Every change is a finding that goes into the provenance.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -24,6 +25,7 @@ _COARSE = 0.1
 _SEVERAL = 20
 # What counters of loggers wrap at: 16, 24, 31 and 32 bit.
 _WRAPS = tuple(float(1 << bits) for bits in (16, 24, 31, 32))
+_SHARED = re.compile(r"time stamps are coarse, ([0-9.e+]+) rows share one")
 
 
 @dataclass
@@ -104,6 +106,12 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str, place: Pla
     mended = np.full(stamps.size, np.nan)
     mended[rows] = time
     return Repair(mended, order, findings)
+
+
+def rows_per_stamp(quality: Iterable[QualityFinding]) -> float:
+    """Return how many rows shared a stamp in the coarsest table of a run, 1 where none did, from what was said on repair."""
+    shared = [float(found[1]) for finding in quality if (found := _SHARED.search(finding.message))]
+    return max(shared, default=1.0)
 
 
 def _said_repeated(

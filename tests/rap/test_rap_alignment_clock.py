@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.ingest.stamps import repair
 from pipeline.rigs.rap.alignment.align import align
 from pipeline.rigs.rap.alignment.clock import Clock
 from pipeline.rigs.rap.alignment.pair import Pair, pairs_of
@@ -274,3 +276,19 @@ def test_a_drift_over_hours_is_followed_from_the_start():
     assert found.rate.value == pytest.approx(190e-6, abs=1e-7)
     assert found.track is not None
     assert float(np.ptp(found.track.lag)) > 0.7
+
+
+def test_stamps_of_whole_seconds_leave_lag_and_rate_open_as_far_as_they_do():
+    run = synthesize_pressures(dict(SHORT), 4)[0]
+    streams = dict(run.streams)
+    mended = repair(np.floor(streams["device"].time), None, "r1.device.csv")
+    streams["device"] = replace(streams["device"], time=mended.stamps)
+    found = align(pairs_of(replace(run, streams=streams, quality=tuple(mended.findings)))[:2], BENCH_POLE)
+    assert found.lag.ci95 is not None
+    assert found.rate.ci95 is not None
+    assert found.lag.ci95[0] < LAG + 1e-6 * PPM * found.clock.reference < found.lag.ci95[1]
+    assert found.rate.ci95[0] < 1e-6 * PPM < found.rate.ci95[1]
+    assert "steps of 1 s" in found.lag.reason
+    # The samples themselves were even: pole and pulsation stand.
+    (pole,) = found.poles
+    assert pole.value == pytest.approx(POLE, abs=1e-3)

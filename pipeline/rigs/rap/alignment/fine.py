@@ -13,6 +13,7 @@ import numpy as np
 from pipeline.estimation.least_squares import Fit, Unknown, fit
 from pipeline.estimation.uncertainty import Covariance, clustered
 from pipeline.rigs.rap.alignment.strokes import ORDERS, Lines, Strokes
+from pipeline.rigs.rap.circuit.sensor_pair import device_over_bench
 
 # A line of the bench that stands out less, in its standard errors, is left out: its noise would bias the ratio.
 _LEAST_LINE = 10.0
@@ -95,8 +96,8 @@ def model_of(
     gain = np.array([values.get(f"gain_{p}", 1.0) for p in range(int(rows.pair.max()) + 1)])[rows.pair]
     poles = [values.get(f"pole_{p}" if separate else "pole", 0.0) for p in range(int(rows.pair.max()) + 1)]
     tau_d = np.array(poles)[rows.pair]
-    clock = np.exp(1j * rows.omega * (values["delay"] + values["rate"] * rows.ahead)) if delayed else 1.0
-    return np.asarray(gain * (1.0 + 1j * rows.omega * tau_b) / (1.0 + 1j * rows.omega * tau_d) * clock)
+    lag, rho = (values["delay"], values["rate"]) if delayed else (0.0, 0.0)
+    return np.asarray(device_over_bench(rows.omega, gain, tau_d, tau_b, lag, rho, rows.ahead))
 
 
 def fit_ratios(rows: Rows, start: tuple[float, float], tau_b: float, *, with_rate: bool = True) -> Fine:

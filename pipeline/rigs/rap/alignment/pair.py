@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.ingest.stamps import rows_per_stamp
 from pipeline.recording import Recording
 from pipeline.rigs.rap.conditions import TAPS, pressure
 from pipeline.rigs.rap.tables import Signal, signal
@@ -19,13 +20,15 @@ _SAME, _ENOUGH = 0.8, 50
 class Pair:
     """A channel of the device and one of the bench, each on its own clock.
 
-    `alike` tells that both are the same quantity: then harmonics are compared as well, else only steps.
+    `alike` tells that both are the same quantity: then harmonics are compared as well, else only steps. `rows_per_stamp` is
+    how many samples shared a stamp in the log, before ingest spread them.
     """
 
     name: str
     device: Signal
     bench: Signal
     alike: bool = True
+    rows_per_stamp: float = 1.0
 
     @property
     def usable(self) -> bool:
@@ -68,4 +71,6 @@ def pairs_of(recording: Recording, without: Collection[str] = ()) -> tuple[Pair,
 
 def _pair(recording: Recording, name: str, device: str, bench: str, alike: bool = True) -> Pair | None:
     ours, theirs = signal(recording, device), signal(recording, bench)
-    return Pair(name, ours, theirs, alike) if ours is not None and theirs is not None else None
+    if ours is None or theirs is None:
+        return None
+    return Pair(name, ours, theirs, alike, rows_per_stamp(recording.quality))

@@ -14,6 +14,8 @@ from pipeline.rigs.rap.alignment.clock import Clock
 from pipeline.rigs.rap.alignment.stamps import evened
 
 Method = Literal["harmonics", "steps", "none"]
+BENCH_POLE = 5e-3
+"""Time constant of the bench's sensors where the run does not state it, s."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 
-def pole(omega: Any, tau: float) -> Any:
+def pole(omega: Any, tau: Any) -> Any:
     """Return the response of a first-order sensor of time constant `tau` (s) at `omega` (rad/s)."""
     return 1.0 / (1.0 + 1j * np.asarray(omega) * tau)
 
 
 def device_over_bench(
-    omega: Any, g: float, tau_d: float, tau_b: float, lag: float, rho: float = 0.0, t: Any = 0.0, t_ref: float = 0.0
+    omega: Any, g: Any, tau_d: Any, tau_b: float, lag: float, rho: float = 0.0, t: Any = 0.0, t_ref: float = 0.0
 ) -> Any:
     """Return H_db of eq. 2: device over bench at `omega` (rad/s), both read at the same stamps.
 
