@@ -6,7 +6,8 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.rigs.rap.circuit.thermal import housing_temperature
 from pipeline.rigs.rap.tables import Signal
-from pipeline.rigs.rap.therapy.temperature_fit import air_temperature, compare_temperatures, fit_temperature
+from pipeline.rigs.rap.therapy.temperature_error import compare_temperatures
+from pipeline.rigs.rap.therapy.temperature_fit import air_temperature, fit_temperature
 
 TRUTH = (298.15, 303.15, 1200.0)
 TIMES = np.append(np.arange(0.0, 18601.0, 600.0), 18720.0)
@@ -83,6 +84,13 @@ def test_the_bias_is_found_and_the_largest_error_lies_where_the_sheet_has_it():
     assert np.min([f.percent_max for f in found]) > 3.5
     assert np.max([f.percent_max for f in found]) < 6.5
     assert np.mean([f.bias.ci95[0] < 0.8 < f.bias.ci95[1] for f in found]) > 0.85
+
+
+def test_the_largest_error_is_as_uncertain_as_other_runs_show():
+    found = [compare_temperatures(device(s), bench(s)).largest for s in range(150)]
+    values, told = np.array([f.value for f in found]), np.array([f.std_error for f in found])
+    assert np.median(told) == pytest.approx(values.std(), rel=0.2)
+    assert 0.92 < np.mean([f.ci95[0] < values.mean() < f.ci95[1] for f in found]) < 0.99
 
 
 def test_records_that_do_not_overlap_are_refused():

@@ -22,12 +22,8 @@ from pipeline.rigs.rap.therapy.declaration import TherapySettings
 from pipeline.rigs.rap.therapy.faults import cut_short
 from pipeline.rigs.rap.therapy.membrane_decline import Decline, decline
 from pipeline.rigs.rap.therapy.record import ALARMS, BATTERY, MEMBRANE, REDUNDANCY, TEMPERATURE, VOLUME, Record
-from pipeline.rigs.rap.therapy.temperature_fit import (
-    TemperatureError,
-    TemperatureFit,
-    compare_temperatures,
-    fit_temperature,
-)
+from pipeline.rigs.rap.therapy.temperature_error import TemperatureError, compare_temperatures
+from pipeline.rigs.rap.therapy.temperature_fit import TemperatureFit, fit_temperature
 from pipeline.rigs.rap.therapy.transmembrane import Transmembrane, transmembrane
 from pipeline.rigs.rap.therapy.volume_numbers import VolumeNumbers, stops, volume_of
 

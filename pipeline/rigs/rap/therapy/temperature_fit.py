@@ -1,4 +1,4 @@
-"""Warming of the housing's air: eq. 7 per sensor, the device's error against the bench, the air for eq. 8 (rap.md, 3.6, 5.5)."""
+"""Warming of the housing's air: eq. 7 per sensor, and the air for eq. 8 (rap.md, 3.6, 5.5)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.errors import InputError
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.circuit.thermal import housing_temperature
@@ -20,8 +19,6 @@ _FIRST_HOUR = 3600.0
 _EARLY = 300.0
 # A sensor whose offset nobody has checked, K (1 sigma): the device's own.
 _UNCHECKED = 0.5
-# Noise of a reading where too few show it, K.
-_UNCHECKED_READING = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,19 +40,6 @@ class TemperatureFit:
     def estimates(self) -> tuple[Estimate, Estimate, Estimate]:
         """T_0, T_inf, tau."""
         return self.initial, self.final, self.time_constant
-
-
-@dataclass(frozen=True, eq=False)
-class TemperatureError:
-    """Device less bench: `error` (K) and `percent` (of the bench in degC, the paper's way) at `time` (s), shape (n,)."""
-
-    largest: Estimate
-    bias: Estimate
-    time: np.ndarray
-    error: np.ndarray
-    percent: np.ndarray
-    percent_max: float
-    problems: tuple[QualityFinding, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +95,7 @@ def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> Temperat
     values, sd, dof = found.values, found.std_error, found.dof
     residual_sd = found.sigma
     # Readings in coarse steps repeat the same error: half a step of doubt remains however many there are.
-    step = _step(T)
+    step = resolution(T)
     common = step / math.sqrt(12.0) * min(1.0, step / max(4.0 * residual_sd, 1e-9))
     rise = abs(values["T_inf"] - values["T_0"])
     lost = _why_lost(float(t[0]), span, rise, residual_sd, found.at_bound, sd)
@@ -193,73 +177,11 @@ def _why_lost(
     return lost
 
 
-def _step(values: np.ndarray) -> float:
+def resolution(values: np.ndarray) -> float:
     """Return the resolution of readings, 0 where none shows."""
     steps = np.diff(np.unique(np.round(values, 6)))
     steps = steps[steps > 1e-5]
     return float(steps.min()) if steps.size else 0.0
-
-
-def compare_temperatures(rap: Signal, bench: Signal, lag: float = 0.0) -> TemperatureError:
-    """Return the device's error against the bench, K, at the device's samples within the bench's record.
-
-    Parameters
-    ----------
-    rap, bench
-        Air temperature of either, each on its own clock.
-    lag
-        What the bench's clock shows more than the device's, s.
-
-    Raises
-    ------
-    InputError
-        If the two records do not overlap.
-    """
-    time = rap.time + lag
-    reach = max(float(np.median(np.diff(bench.time))), 1.0) if bench.time.size > 1 else 600.0
-    inside = (time > bench.time[0] - 0.5 * reach) & (time < bench.time[-1] + 0.5 * reach)
-    if not inside.any():
-        raise InputError(
-            "temperature_air_rap and temperature_air_bench do not overlap in time; look at the clocks of the two tables."
-        )
-    reference = np.interp(time[inside], bench.time, bench.values)
-    error = rap.values[inside] - reference
-    percent = 100.0 * np.abs(error) / np.maximum(np.abs(reference - 273.15), 1e-3)
-    doubt = _reading_sd(bench)
-    largest = float(np.abs(error).max())
-    scatter = float(error.std(ddof=1)) if error.size > 1 else doubt
-    bias = estimate(
-        "temperature_bias", float(error.mean()), scatter / math.sqrt(error.size), dof=max(error.size - 1, 1)
-    )
-    remark = (
-        f"largest of {error.size} differences; in the paper's way {percent.max():.2f} % of the bench's reading in degC. "
-        "The error told is the bench's: its noise and resolution"
-    )
-    problems = []
-    if inside.sum() < 0.5 * rap.time.size:
-        text = f"only {int(inside.sum())} of {rap.time.size} temperatures of the device lie within the bench's record."
-        problems.append(QualityFinding("warning", text, channel="temperature_air_bench"))
-    return TemperatureError(
-        estimate("temperature_error_max", largest, doubt, reason=remark),
-        bias,
-        rap.time[inside],
-        error,
-        percent,
-        float(percent.max()),
-        tuple(problems),
-    )
-
-
-def _reading_sd(sensor: Signal) -> float:
-    """Return the noise of one reading, K: from second differences, which a slow course does not enter, and the steps."""
-    T, step = sensor.values, _step(sensor.values)
-    if T.size < 5:
-        return _UNCHECKED_READING
-    # The warming bends in its first samples.
-    second = np.diff(T, 2)
-    second = second[min(6, second.size // 2) :]
-    noise = math.sqrt(float(np.mean(second**2)) / 6.0)
-    return math.hypot(max(noise, 0.01), step / math.sqrt(12.0))
 
 
 def air_temperature(rap: Signal | None, bench: Signal | None, lag: float = 0.0) -> AirTemperature | None:
