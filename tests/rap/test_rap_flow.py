@@ -155,12 +155,24 @@ def test_settings_of_the_clamp_may_be_runs_or_events():
         assert a.value == pytest.approx(b.value, abs=1.5 * b.std_error)
 
 
-def test_another_tube_is_judged_apart_and_told():
+def test_held_out_tubes_are_told_apart_by_a_key_of_their_own_where_there_are_several():
     found = identified(logs(["calibration", "holdout", "tube"]))
-    own = found.one("flow_error_max", estimator="E3", set="holdout").value
-    other = found.one("flow_error_max", estimator="E3", set="holdout, tube B").value
+    own = found.one("flow_error_max", estimator="E3", set="holdout", tube_set_id="A").value
+    other = found.one("flow_error_max", estimator="E3", set="holdout", tube_set_id="B").value
     assert own < 0.005
     assert other == pytest.approx(0.037, abs=0.008)
+    assert any("tube (B) is another" in q.message for q in found.quality)
+    errors = found.find("flow_error_max") + found.find("flow_error_rms")
+    assert {p.at["set"] for p in errors} == {"calibration", "holdout"}
+    assert all(("tube_set_id" in p.at) == (p.at["set"] == "holdout") for p in errors)
+    assert any("hold-out, tube B" in reason for reason in found.reasons)
+
+
+def test_a_hold_out_of_one_tube_needs_no_further_key():
+    found = identified(logs(["calibration", "tube"]))
+    p = found.one("flow_error_max", estimator="E3", set="holdout")
+    assert p.at == {"estimator": "E3", "set": "holdout"}
+    assert p.value == pytest.approx(0.037, abs=0.008)
     assert any("tube (B) is another" in q.message for q in found.quality)
 
 

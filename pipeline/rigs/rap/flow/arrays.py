@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.rigs.rap.flow.results import ESTIMATORS, Campaign
 from pipeline.rigs.rap.flow.run_windows import RunNumbers
+from pipeline.rigs.rap.flow.sets import called
 from pipeline.rigs.rap.flow.trap import access_resistance, unclamped
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 Rows = list[dict[str, Any]]
 _SHOWN = (*ESTIMATORS, "E2 quadratic", "affine")
 _COLUMNS = (
-    "run", "role", "tube", "clamp", "time", "flow_set", "uf", "f", "f_error", "A_1", "A_1_error", "back_pressure", "access", "prefilter", "back",
+    "run", "role", "group", "tube", "clamp", "time", "flow_set", "uf", "f", "f_error", "A_1", "A_1_error", "back_pressure", "access", "prefilter", "back",
     "metered", "metered_error", "flow", "own",
 )  # fmt: skip
 # Points of a drawn window.
@@ -31,16 +32,16 @@ def arrays_of(found: Campaign) -> dict[str, pd.DataFrame]:
     return {
         "windows": _windows(found),
         "points": _table(
-            ("run", "set", "tube", "clamp", "flow_set", "uf", "count", "flow", "flow_sd", "frequency", "amplitude", "back_pressure", "resistance", "open",
+            ("run", "set", "group", "tube", "clamp", "flow_set", "uf", "count", "flow", "flow_sd", "frequency", "amplitude", "back_pressure", "resistance", "open",
              *(f"{name}{what}" for name in ("E0", "E1", "E2", "E3") for what in ("", "_error"))),
             _points(found),
         ),
         "runs": _table(
-            ("run", "set", "tube", "clamp", "windows", "stopped", "unsteady", "jump", "lost", "source", "clock", "lag", "rate", "zero_prefilter",
+            ("run", "set", "group", "tube", "clamp", "windows", "stopped", "unsteady", "jump", "lost", "source", "clock", "lag", "rate", "zero_prefilter",
              "zero_access", "meter_zero", "meter_zeroed"),
             (_run(run, found) for run in found.runs),
         ),
-        "errors": _table(("estimator", "set", "worst", "worst_open", "rms", "mean", "count", "where"), (vars(row) for row in found.errors)),
+        "errors": _table(("estimator", "set", "tube", "group", "worst", "worst_open", "rms", "mean", "count", "where"), ({**vars(row), "group": row.group} for row in found.errors)),
         "left_out": _table(("estimator", "flow_set", "worst"), _left_out(found)),
         "trap": _table(("law", "inside", "outside", "coefficients"), _trap(found)),
         "covariance": _table(("estimator", "parameter", "value", "with", "covariance"), _covariance(found)),
@@ -84,7 +85,7 @@ def _points(found: Campaign) -> Rows:
         at = points == p
         one = windows.of(at)
         row = {
-            "run": one.run[0], "set": one.role[0], "tube": one.tube[0], "clamp": one.clamp[0], "flow_set": one.flow_set[0], "uf": one.uf[0], "count": one.size,
+            "run": one.run[0], "set": one.role[0], "group": one.group[0], "tube": one.tube[0], "clamp": one.clamp[0], "flow_set": one.flow_set[0], "uf": one.uf[0], "count": one.size,
             "flow": _mean(one.flow), "flow_sd": _sd(one.flow), "frequency": _mean(one.f), "amplitude": _mean(one.A_1), "back_pressure": _mean(one.back_pressure),
             "resistance": _mean(resistance[at]), "open": bool(line[at].all()),
         }  # fmt: skip
@@ -110,9 +111,10 @@ def _run(run: RunNumbers, found: Campaign) -> dict[str, Any]:
     states = run.passages.state if run.passages is not None else np.empty(0)
     clock = run.clock.clock if run.clock is not None else None
     zeros = {tap: zero.value if zero.known else math.nan for tap, zero in run.zeros.items()}
-    used = found.windows.role[found.windows.run == run.run.name]
+    used = found.windows.of(found.windows.run == run.run.name)
+    name = used.role[0] if used.size else run.run.role
     return {
-        "run": run.run.name, "set": used[0] if used.size else run.run.role, "tube": run.run.tube, "clamp": run.run.clamp or ("changes" if run.run.clamps else ""),
+        "run": run.run.name, "set": name, "group": used.group[0] if used.size else called(name), "tube": run.run.tube, "clamp": run.run.clamp or ("changes" if run.run.clamps else ""),
         "windows": run.windows.size, **{state: int((states == state).sum()) for state in ("stopped", "unsteady", "jump", "lost")}, "source": run.source,
         "clock": run.clock.how if run.clock is not None else "no meter", "lag": clock.lag if clock is not None else math.nan,
         "rate": clock.rate if clock is not None else math.nan, "zero_prefilter": zeros.get("prefilter", math.nan), "zero_access": zeros.get("access", math.nan),

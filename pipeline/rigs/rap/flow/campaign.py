@@ -15,7 +15,7 @@ from pipeline.rigs.rap.flow.flows import flow_rows
 from pipeline.rigs.rap.flow.location import Location, blood_flow, locate
 from pipeline.rigs.rap.flow.results import ESTIMATORS, Campaign, ErrorRow
 from pipeline.rigs.rap.flow.run_windows import RunNumbers
-from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT, sets_of
+from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT, Sets, other_tube, sets_of
 from pipeline.rigs.rap.flow.trap import trap_of, unclamped
 from pipeline.rigs.rap.flow.windows import FlowWindows, stacked
 
@@ -30,7 +30,7 @@ def campaign_of(runs: Sequence[RunNumbers], settings: FlowSettings) -> Campaign:
     location, windows = _by_line(runs, windows)
     sets = sets_of(windows)
     problems += sets.problems
-    windows = replace(windows, role=sets.label)
+    windows = replace(windows, role=sets.label, group=sets.group)
     fitted = windows.of((sets.label == CALIBRATION) & np.isfinite(windows.flow))
     laws, refused = _laws(fitted, _nothing(windows, fitted, location))
     left_out = {name: _left_out(law) for name, law in laws.items() if name in ("E2", "E2 quadratic", "E3")}
@@ -47,9 +47,9 @@ def campaign_of(runs: Sequence[RunNumbers], settings: FlowSettings) -> Campaign:
         laws=laws,
         refused=refused,
         left_out=left_out,
-        errors=_errors(windows, laws, sets.names),
+        errors=_errors(windows, sets, laws),
         flows=[],
-        trap=trap_of(fitted, windows.of((sets.label == HOLDOUT) & np.isfinite(windows.flow))),
+        trap=trap_of(fitted, _held_out(windows, sets.tube)),
         tube=sets.tube,
         gain_u=gain_u,
         gain_stated=stated,
@@ -141,19 +141,27 @@ def _left_out(law: Calibrated) -> list[LeftOut]:
     return leave_set_points_out(law.law, law.windows)
 
 
-def _errors(windows: FlowWindows, laws: dict[str, Calibrated], names: Sequence[str]) -> list[ErrorRow]:
-    """Return the errors of every estimator, and of the device's own estimate, on each set."""
+def _held_out(windows: FlowWindows, tube: str) -> FlowWindows:
+    """Return the held-out windows with a meter, those of the calibrated tube where there are any."""
+    held_out = windows.of((windows.role == HOLDOUT) & np.isfinite(windows.flow))
+    same = held_out.of(~other_tube(held_out, tube))
+    return same if same.size else held_out
+
+
+def _errors(windows: FlowWindows, sets: Sets, laws: dict[str, Calibrated]) -> list[ErrorRow]:
+    """Return the errors of every estimator, and of the device's own estimate, on each set; a hold-out of several tubes by tube."""
     rows = []
-    for name in names:
-        inside = windows.of((windows.role == name) & np.isfinite(windows.flow) & (windows.flow > 0.0))
-        for estimator in (*ESTIMATORS, "E2 quadratic", "affine"):
-            if estimator in laws:
-                rows += _row(estimator, name, inside, laws[estimator].errors(inside))
-        rows += _row("rap", name, inside, inside.own / inside.flow - 1.0)
+    judged = np.isfinite(windows.flow) & (windows.flow > 0.0)
+    groups = dict.fromkeys((name, tube) for name, tube in zip(sets.label, sets.tubes, strict=True) if name)
+    for name, tube in sorted(groups, key=lambda group: (group[0] != CALIBRATION, group[1])):
+        inside = windows.of(judged & (sets.label == name) & (sets.tubes == tube))
+        errors = {one: laws[one].errors(inside) for one in (*ESTIMATORS, "E2 quadratic", "affine") if one in laws}
+        errors["rap"] = inside.own / inside.flow - 1.0
+        rows += [row for one, e in errors.items() for row in _row(one, (name, tube), inside, e)]
     return rows
 
 
-def _row(estimator: str, name: str, inside: FlowWindows, errors: np.ndarray) -> list[ErrorRow]:
+def _row(estimator: str, group: tuple[str, str], inside: FlowWindows, errors: np.ndarray) -> list[ErrorRow]:
     known = np.isfinite(errors)
     if not known.any():
         return []
@@ -168,13 +176,14 @@ def _row(estimator: str, name: str, inside: FlowWindows, errors: np.ndarray) -> 
     return [
         ErrorRow(
             estimator,
-            name,
+            group[0],
             float(np.abs(e).max()),
             float(np.abs(line).max()) if line.size else float("nan"),
             float(np.sqrt(np.mean(e**2))),
             float(np.mean(e)),
             int(e.size),
             where,
+            group[1],
         )
     ]
 

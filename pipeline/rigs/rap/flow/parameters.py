@@ -101,15 +101,16 @@ def _flow(row: FlowRow) -> Estimate:
 
 def _errors(found: Campaign) -> list[Estimate]:
     rows = []
-    by = {(row.estimator, row.set): row for row in found.errors}
-    sets = list(dict.fromkeys([CALIBRATION, HOLDOUT, *(row.set for row in found.errors)]))
-    for name in sets:
+    by = {(row.estimator, row.set, row.tube): row for row in found.errors}
+    told = dict.fromkeys((row.set, row.tube) for row in found.errors)
+    missing = dict.fromkeys((name, "") for name in (CALIBRATION, HOLDOUT) if name not in {one for one, _ in told})
+    for name, tube in told | missing:
         for estimator in (*ESTIMATORS, OWN):
-            row = by.get((estimator, name))
+            row = by.get((estimator, name, tube))
             if row is not None:
                 rows += _error(row, found)
             elif estimator != OWN:
-                at: dict[str, float | str | bool] = {"estimator": estimator, "set": name}
+                at = _at(estimator, name, tube)
                 rows += [
                     undetermined(one, _why_no_error(found, estimator, name), at)
                     for one in ("flow_error_max", "flow_error_rms")
@@ -117,8 +118,12 @@ def _errors(found: Campaign) -> list[Estimate]:
     return rows
 
 
+def _at(estimator: str, name: str, tube: str) -> dict[str, float | str | bool]:
+    return {"estimator": estimator, "set": name, **({"tube_set_id": tube} if tube else {})}
+
+
 def _error(row: ErrorRow, found: Campaign) -> list[Estimate]:
-    at = {"estimator": row.estimator, "set": row.set}
+    at = _at(row.estimator, row.set, row.tube)
     meter = (
         f"a gain error of the meter ({100 * found.gain_u:.2g} %) is in it"
         if row.set != CALIBRATION

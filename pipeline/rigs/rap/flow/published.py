@@ -6,8 +6,8 @@ import numpy as np
 
 from pipeline.findings import Published
 from pipeline.rigs.rap.flow.paper import SET_POINTS, WORST_ERROR, paper_alone
-from pipeline.rigs.rap.flow.results import Campaign, ErrorRow
-from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT
+from pipeline.rigs.rap.flow.results import Campaign
+from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT, other_tube
 from pipeline.rigs.rap.flow.trap import unclamped
 from pipeline.rigs.rap.flow.windows import FlowWindows
 
@@ -24,6 +24,7 @@ def like_the_papers(found: Campaign) -> FlowWindows:
     """Return windows at the paper's set-points with the access line open: of the hold-out, else of the calibration."""
     windows = found.windows.of(np.isfinite(found.windows.flow))
     windows = windows.of(np.min(np.abs(windows.flow_set[:, None] / np.array(SET_POINTS) - 1.0), axis=1) < _NEAR)
+    windows = windows.of(~other_tube(windows, found.tube))
     for name in (HOLDOUT, CALIBRATION):
         inside = windows.of(windows.role == name)
         if inside.size:
@@ -67,15 +68,20 @@ def _simple(found: Campaign) -> list[Published]:
 
 
 def _estimators(found: Campaign) -> list[Published]:
-    rows = {(row.estimator, row.set): row for row in found.errors}
     told = []
     for estimator in ("E2", "E3"):
-        row: ErrorRow | None = rows.get((estimator, HOLDOUT)) or rows.get((estimator, CALIBRATION))
-        if row is None:
+        rows = [
+            row
+            for name in (HOLDOUT, CALIBRATION)
+            for row in found.errors
+            if (row.estimator, row.set) == (estimator, name)
+        ]
+        if not rows:
             continue
+        row = next((row for row in rows if row.tube in ("", found.tube)), rows[0])
         told.append(
             Published(
-                name=f"worst error of {estimator}, {row.set}", published=WORST_ERROR, found=row.worst, where=_WHERE, agrees=row.worst <= WORST_ERROR,
+                name=f"worst error of {estimator}, {row.group}", published=WORST_ERROR, found=row.worst, where=_WHERE, agrees=row.worst <= WORST_ERROR,
                 remark=f"{row.count} windows, {row.where}; clamped ones too, which the paper's test had not",
             )
         )  # fmt: skip

@@ -10,6 +10,7 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.flow.calibration import Calibrated, LeftOut
 from pipeline.rigs.rap.flow.location import Location
 from pipeline.rigs.rap.flow.run_windows import RunNumbers
+from pipeline.rigs.rap.flow.sets import called
 from pipeline.rigs.rap.flow.windows import FlowWindows
 
 ESTIMATORS = ("E0", "E1", "E2", "E3")
@@ -17,7 +18,10 @@ ESTIMATORS = ("E0", "E1", "E2", "E3")
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """Relative errors of one estimator over the windows of one set: largest (and that with the access line open), rms, mean, of how many."""
+    """Relative errors of one estimator over the windows of one set: largest (and that with the access line open), rms, mean, of how many.
+
+    `tube` is told where held-out windows have several.
+    """
 
     estimator: str
     set: str
@@ -27,6 +31,12 @@ class ErrorRow:
     mean: float
     count: int
     where: str
+    tube: str = ""
+
+    @property
+    def group(self) -> str:
+        """How the set is called, with the tube where there are several."""
+        return called(self.set, self.tube)
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,7 @@ def run_numbers(run: FlowRun, settings: FlowSettings) -> RunNumbers:
     level = {tap: means(run.pressures.get(tap), windows, f)[0] - (own[tap].value if tap in own else 0.0)
              for tap in ("access", "prefilter", "return")}  # fmt: skip
     line = _line(run, windows, f)
-    texts = {"run": run.name, "role": run.role, "tube": run.tube}
+    texts = {"run": run.name, "role": run.role, "group": "", "tube": run.tube}
     table = FlowWindows(
         **{name: np.full(f.size, text, dtype=object) for name, text in texts.items()},
         clamp=_clamps(run, windows.centre),

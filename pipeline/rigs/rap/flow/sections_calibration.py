@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.findings import Findings, Parameter
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Table, Text
 from pipeline.rigs.rap.flow.estimators import F_0
-from pipeline.rigs.rap.flow.sections_errors import Blocks, label, roles
+from pipeline.rigs.rap.flow.sections_errors import Blocks, roles
 
 _COEFFICIENTS = ("stroke_volume", "y0", "y1", "stroke_volume_mean", "pump_compliance")
 _TRAP = {"E1": "E1, V f", "affine": "Q = a f + b", "E2": "E2, pulsation", "E3": "E3, mean pressures"}
@@ -56,9 +56,9 @@ def _stroke(findings: Findings) -> Panel | None:
         x = np.array([0.0, 1.05 * known["back_pressure"].max()])
         marks.append(Line(x, V.value - C.value * x, "model", "E3: V₀ - C_p (P_pre - P_a)"))
     for name, role in roles(known).items():
-        rows = known[known["set"] == name]
+        rows = known[known["group"] == name]
         marks.append(
-            Points(rows["back_pressure"].to_numpy(), (rows["flow"] / rows["frequency"]).to_numpy(), role, label(name))
+            Points(rows["back_pressure"].to_numpy(), (rows["flow"] / rows["frequency"]).to_numpy(), role, name)
         )
     return Panel(marks, Axis("mean back pressure", "mmHg"), Axis("volume of a stroke, Q/f", "mL"), "E3")
 
@@ -75,9 +75,9 @@ def _admittance(findings: Findings) -> Panel | None:
     x = np.array([0.95 * f.min(), 1.05 * f.max()])
     marks: list[Mark] = [Line(x, y_0 + y_1 * (x - F_0), "model", "E2: y₀ + y₁ (f - 2 Hz)")]
     for name, role in roles(known).items():
-        rows = known[known["set"] == name]
+        rows = known[known["group"] == name]
         y = (V * rows["frequency"] - rows["flow"]) / rows["amplitude"]
-        marks.append(Points(rows["frequency"].to_numpy(), y.to_numpy(), role, label(name)))
+        marks.append(Points(rows["frequency"].to_numpy(), y.to_numpy(), role, name))
     return Panel(marks, Axis("roller passages", "Hz"), Axis("flow per pulsation", "m^3/(s Pa)"), "E2")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Table, Text
 from pipeline.rigs.rap.flow.paper import SET_POINTS, UF_RATE, WORST_ERROR
-from pipeline.rigs.rap.flow.sections_errors import Blocks, label, meter_position, roles
+from pipeline.rigs.rap.flow.sections_errors import Blocks, meter_position, roles
 from pipeline.rigs.rap.therapy.outcome.paper import set_point_notes
 
 _ML_MIN = 1e-6 / 60.0
@@ -69,12 +69,12 @@ def _course(findings: Findings) -> Figure:
     frequency: list[Mark] = []
     amplitude: list[Mark] = []
     for name, role in roles(windows).items():
-        rows = windows[windows["set"] == name]
+        rows = windows[windows["group"] == name]
         half = 1.96 * rows["frequency_error"].fillna(0.0).to_numpy()
         f = rows["frequency"].to_numpy()
-        frequency.append(Points(rows["back_pressure"].to_numpy(), f, role, label(name), f - half, f + half))
+        frequency.append(Points(rows["back_pressure"].to_numpy(), f, role, name, f - half, f + half))
         if rows["amplitude"].notna().any():
-            amplitude.append(Points(rows["back_pressure"].to_numpy(), rows["amplitude"].to_numpy(), role, label(name)))
+            amplitude.append(Points(rows["back_pressure"].to_numpy(), rows["amplitude"].to_numpy(), role, name))
     x = Axis("mean back pressure", "mmHg")
     panels = [Panel(frequency, x, Axis("roller passages", "Hz"), "frequency")]
     if amplitude:
@@ -102,7 +102,7 @@ def of_runs(findings: Findings) -> Blocks:
             for key in ("zero_prefilter", "zero_access", "meter_zero")
         ]
         rows.append([
-            str(row["run"]), label(str(row["set"])), str(row["tube"]), str(row["clamp"]), int(row["windows"]), lost, *zeros,
+            str(row["run"]), str(row["group"]), str(row["tube"]), str(row["clamp"]), int(row["windows"]), lost, *zeros,
             round(float(row["lag"]), 3) if np.isfinite(row["lag"]) else None, str(row["clock"]),
         ])  # fmt: skip
     return [

@@ -25,6 +25,7 @@ from pipeline.findings.figures import (
     Value,
 )
 from pipeline.rigs.rap.flow.paper import WORST_ERROR
+from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT, called
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,16 +74,11 @@ def meter_position(findings: Findings) -> str:
 
 
 def roles(points: pd.DataFrame) -> dict[str, Role]:
-    """Return a colour for each set."""
-    sets = sorted(points["set"].unique(), key=lambda name: (name != "calibration", name != "holdout", name))
-    return {name: i for i, name in enumerate(sets)}
-
-
-def label(name: str) -> str:
-    """Return how a set is called in a figure."""
-    return {"calibration": "calibration", "holdout": "hold-out", "": "no set"}.get(
-        name, name.replace("holdout", "hold-out")
+    """Return a colour for each set, as it is called."""
+    groups = sorted(
+        points["group"].unique(), key=lambda name: (name != called(CALIBRATION), name != called(HOLDOUT), name)
     )
+    return {name: i for i, name in enumerate(groups)}
 
 
 def _over_meter(points: pd.DataFrame) -> Figure:
@@ -92,12 +88,12 @@ def _over_meter(points: pd.DataFrame) -> Figure:
     for name, title in _ESTIMATORS.items():
         marks: list[Mark] = [Line(np.array([low, high]), np.array([low, high]), "reference", "estimate = meter")]
         for one, role in roles(points).items():
-            rows = points[(points["set"] == one) & points[name].notna()]
+            rows = points[(points["group"] == one) & points[name].notna()]
             if rows.empty:
                 continue
             x, half = rows["flow"].to_numpy(), 1.96 * rows["flow_sd"].fillna(0.0).to_numpy()
             y = rows[name].to_numpy()
-            marks.append(Points(x, y, role, label(one), left=x - half, right=x + half))
+            marks.append(Points(x, y, role, one, left=x - half, right=x + half))
         if len(marks) > 1:
             panels.append(Panel(marks, _METER, Axis("estimated flow", "mL/min"), title))
     return Figure(
@@ -115,13 +111,13 @@ def _errors(findings: Findings, points: pd.DataFrame) -> Blocks:
     for name in ("E2", "E3"):
         marks: list[Mark] = []
         for one, role in roles(points).items():
-            rows = points[(points["set"] == one) & points[f"{name}_error"].notna()]
+            rows = points[(points["group"] == one) & points[f"{name}_error"].notna()]
             if rows.empty:
                 continue
-            inside = windows[windows["set"] == one]
+            inside = windows[windows["group"] == one]
             half = 1.96 * _scatter(rows, inside, f"{name}_error")
             y = rows[f"{name}_error"].to_numpy()
-            marks.append(Points(rows["flow"].to_numpy(), y, role, label(one), y - half, y + half))
+            marks.append(Points(rows["flow"].to_numpy(), y, role, one, y - half, y + half))
         if marks:
             limits: list[Mark] = [
                 Rule(y=0.0),
@@ -162,7 +158,7 @@ def _table(findings: Findings) -> Table:
             judged = name in ("E2", "E3", "rap")
             word = f"{'below' if good else 'above'} {100 * limit:.3g} %"
             rows.append([
-                words, label(str(row["set"])), *(_share(row[key]) for key in ("worst", "worst_open", "rms", "mean")), int(row["count"]),
+                words, str(row["group"]), *(_share(row[key]) for key in ("worst", "worst_open", "rms", "mean")), int(row["count"]),
                 Status(word, "ok" if good else "warning") if judged else Status(word), str(row["where"]),
             ])  # fmt: skip
     return Table(

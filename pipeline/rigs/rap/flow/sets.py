@@ -15,17 +15,20 @@ CALIBRATION, HOLDOUT = "calibration", "holdout"
 
 @dataclass(frozen=True, eq=False)
 class Sets:
-    """Name of the set of every window ('' for none), shape (w,); the tube that is calibrated; what must be told."""
+    """Set of every window ('' for none), shape (w,); the tube that is calibrated; what must be told.
+
+    `tubes` names the tube of every window where hold-outs have several, so that their errors are told apart; '' elsewhere.
+    """
 
     label: np.ndarray
     tube: str
+    tubes: np.ndarray
     problems: tuple[QualityFinding, ...]
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The sets that windows belong to: calibration first, then the hold-outs."""
-        found = dict.fromkeys(self.label)
-        return tuple(sorted((name for name in found if name), key=lambda name: (name != CALIBRATION, name)))
+    def group(self) -> np.ndarray:
+        """How the set of every window is called, shape (w,)."""
+        return np.array([called(a, b) for a, b in zip(self.label, self.tubes, strict=True)], dtype=object)
 
 
 def sets_of(windows: FlowWindows) -> Sets:
@@ -45,13 +48,29 @@ def sets_of(windows: FlowWindows) -> Sets:
         problems.append(QualityFinding("note", text))
     tubes = [tube for tube in windows.tube[label == CALIBRATION] if tube]
     tube = max(dict.fromkeys(tubes), key=tubes.count) if tubes else ""
-    other = (windows.tube != tube) & (windows.tube != "") & bool(tube)
-    mixed = other & (label == CALIBRATION)
+    mixed = other_tube(windows, tube) & (label == CALIBRATION)
     if mixed.any():
         runs = list(dict.fromkeys(windows.run[mixed]))
         text = f"calibration runs were made with several tubes: tube {tube} is calibrated, {listing(runs, 6)} not used; each tube has a volume of its own"
         problems.append(QualityFinding("warning", text))
         label[mixed] = ""
-    for i in np.flatnonzero(other & (label == HOLDOUT)):
-        label[i] = f"{HOLDOUT}, tube {windows.tube[i]}"
-    return Sets(label, tube, tuple(problems))
+    return Sets(label, tube, _told_apart(windows, label, tube), tuple(problems))
+
+
+def other_tube(windows: FlowWindows, tube: str) -> np.ndarray:
+    """Return which windows state another tube than `tube`, mask (w,): a tube that nobody states is taken for the calibrated one."""
+    return np.asarray((windows.tube != tube) & (windows.tube != "") & bool(tube), dtype=bool)
+
+
+def _told_apart(windows: FlowWindows, label: np.ndarray, tube: str) -> np.ndarray:
+    """Return the tube of each held-out window where hold-outs have several; '' elsewhere, shape (w,)."""
+    held_out = label == HOLDOUT
+    named = np.where(windows.tube != "", windows.tube, tube or "not stated")
+    several = np.unique(named[held_out].astype(str)).size > 1
+    return np.where(held_out & several, named, "").astype(object)
+
+
+def called(name: str, tube: str = "") -> str:
+    """Return how a set is called in sentences and figures: ``"hold-out, tube B"``."""
+    words = {CALIBRATION: "calibration", HOLDOUT: "hold-out", "": "no set"}[name]
+    return f"{words}, tube {tube}" if tube else words

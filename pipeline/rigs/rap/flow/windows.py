@@ -14,8 +14,8 @@ class FlowWindows:
 
     Attributes
     ----------
-    run, role, tube, clamp
-        Texts: name of the run, its set, its tube, the clamp as stated.
+    run, role, group, tube, clamp
+        Texts: name of the run, its set and how that is called, its tube, the clamp as stated.
     time
         Centre of the window on the device's clock.
     flow_set
@@ -40,6 +40,7 @@ class FlowWindows:
 
     run: np.ndarray
     role: np.ndarray
+    group: np.ndarray
     tube: np.ndarray
     clamp: np.ndarray
     time: np.ndarray
