@@ -77,9 +77,25 @@ def key_parameters(findings: Findings, experiment: Experiment) -> list[list[Para
 
 
 def _of_all_runs(parameters: list[Parameter]) -> list[Parameter]:
-    """Return the value for the whole campaign alone where there is one beside those of single runs."""
+    """Return the value for the whole campaign alone where there is one beside those of single runs.
+
+    Of single runs, those that do not tell what another one tells are left out; where none does, the first stands for all.
+    """
     whole = [parameter for parameter in parameters if not parameter.at]
-    return whole if whole and all("run" in p.at for p in parameters if p.at) else parameters
+    if whole and all("run" in p.at for p in parameters if p.at):
+        return whole
+    told = [_without_run(p) for p in parameters if p.value is not None]
+    kept: list[Parameter] = []
+    for parameter in parameters:
+        place = _without_run(parameter)
+        if parameter.value is not None or "run" not in parameter.at or place not in told:
+            kept.append(parameter)
+            told.append(place)
+    return kept
+
+
+def _without_run(parameter: Parameter) -> dict[str, float | str | bool]:
+    return {name: value for name, value in parameter.at.items() if name != "run"}
 
 
 def key_table(findings: Findings, experiment: Experiment) -> TableView:
@@ -89,7 +105,7 @@ def key_table(findings: Findings, experiment: Experiment) -> TableView:
         if len(parameters) > _MOST_KEY_ROWS:
             rows.append(_range_row(parameters, experiment))
             continue
-        unit = common_unit(parameters)
+        unit = common_unit(parameters, experiment)
         for parameter in parameters:
             place = place_of(parameter, experiment)
             about = _meaning(parameter, experiment)
@@ -122,16 +138,18 @@ def _narrow_enough(parameters: Sequence[Parameter]) -> list[list[Parameter]]:
     ]
 
 
-def common_unit(parameters: Sequence[Parameter]) -> ReadingUnit:
+def common_unit(parameters: Sequence[Parameter], experiment: Experiment) -> ReadingUnit:
     """Return the unit in which parameters of one name read best together."""
+    first = parameters[0]
     sizes = typical(size_of(p.value, p.std_error, p.ci95) for p in parameters)
-    return reading_unit(parameters[0].unit, sizes, typical(p.std_error for p in parameters))
+    unit = experiment.parameter_read_as(first.name, first.unit)
+    return reading_unit(unit, sizes, typical(p.std_error for p in parameters))
 
 
 def _reading(parameter: Parameter, unit: ReadingUnit) -> Reading | None:
     if parameter.value is None:
         return None
-    return reading(parameter.value, parameter.std_error, parameter.ci95, unit.size)
+    return reading(parameter.value, parameter.std_error, parameter.ci95, unit.size, unit.zero)
 
 
 def _meaning(parameter: Parameter, experiment: Experiment) -> str:
@@ -152,7 +170,7 @@ def _reason(parameter: Parameter, declared: str) -> str:
 
 
 def _range_row(parameters: Sequence[Parameter], experiment: Experiment) -> tuple[Shown, Reading | None, str]:
-    unit = common_unit(parameters)
+    unit = common_unit(parameters, experiment)
     known = [parameter for parameter in parameters if parameter.value is not None]
     if not known:
         return Shown(symbol_of(parameters[0]), _meaning(parameters[0], experiment)), None, unit.name
@@ -185,7 +203,7 @@ def _list_view(
 def _constant_view(parameters: Sequence[Parameter], experiment: Experiment) -> TableView:
     rows = []
     for parameter in parameters:
-        unit = common_unit([parameter])
+        unit = common_unit([parameter], experiment)
         name = Markup(" <code>{}</code>").format(clean(parameter.name)) if parameter.symbol else ""
         rows.append((Shown(symbol_of(parameter) + name, _meaning(parameter, experiment)), _reading(parameter, unit),
                      unit.name))  # fmt: skip
@@ -209,7 +227,7 @@ def _varying_view(parameters: Sequence[Parameter], experiment: Experiment) -> Ta
         rows[(*place, again)][parameter.name] = parameter
     first = {name: next(p for p in parameters if p.name == name) for name in names}
     columns = [Column(_words(name), unit_of_condition(experiment, name)) for name in conditions]
-    columns += [Column(symbol_of(first[name]), first[name].unit) for name in names]
+    columns += [Column(symbol_of(first[name]), experiment.parameter_read_as(name, first[name].unit)) for name in names]
     lines: list[list[Cell]] = [
         [*place[:-1], *(_value(row.get(name)) for name in names)]  # type: ignore[list-item]
         for place, row in rows.items()

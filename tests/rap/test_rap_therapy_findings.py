@@ -9,8 +9,10 @@ import pytest
 from rap_therapy_known import altered, faults, found, made, said, short
 
 from pipeline.findings import Findings, Parameter
+from pipeline.findings.figures import Figure, Line
 from pipeline.recording import Recording
 from pipeline.report.page import render_report
+from pipeline.report.parameters import key_table
 from pipeline.rigs.rap.synthetic.rig import synthesize_therapy
 from pipeline.rigs.rap.therapy.declaration import THERAPY, TherapySettings
 from pipeline.rigs.rap.therapy.outcome.thinning import envelope, picked, spans
@@ -99,6 +101,28 @@ def test_log_without_codes_is_not_checkable_and_said_so() -> None:
     findings = found(altered(faults(), drop=("alarm_code",)))
     assert "not checkable" in findings.arrays["checks"]["word"].tolist()
     assert "lists no codes" in said(findings)
+
+
+def test_alarms_are_counted_in_runs_that_can_raise_them() -> None:
+    counts = {p.at["run"]: p.value for p in campaign().find("alarm_count")}
+    assert counts == {"rap_therapy_312": 0, "rap_faults": len(campaign().find("alarm_time", run="rap_faults"))}
+
+
+def test_key_numbers_begin_with_the_volume_end_with_temperature_and_are_known_where_any_run_knows_them() -> None:
+    rows = key_table(campaign(), THERAPY).rows
+    assert "end</sub> at run" in rows[0][0].text
+    assert "Δ" in rows[-1][0].text
+    unknown = [row[0].text for row in rows if row[1].text == "not determined"]
+    assert len(unknown) == 1  # the decline, for which each of these runs is too short
+    assert unknown[0].startswith("<var>a</var>")
+
+
+def test_runs_stand_side_by_side_in_the_figures_of_temperature() -> None:
+    chapter = next(chapter for chapter in THERAPY.sections(campaign()) if chapter.name == "temperature")
+    figures = [block for block in chapter.blocks if isinstance(block, Figure)]
+    assert [(len(figure.panels), figure.columns) for figure in figures] == [(3, 3), (3, 3)]
+    (allowed,) = [m for m in figures[1].panels[0].marks if isinstance(m, Line)]
+    assert allowed.y[-1] == pytest.approx(0.05 * 30.0, abs=0.08)
 
 
 def test_energy_is_power_over_time() -> None:

@@ -27,6 +27,7 @@ _METHODS = {
     "k_uf_decline": "K_0/(1 + a t/5 h) to 60 s means, block bootstrap",
     "energy_used": "voltage times current, integrated",
     "runtime_projected": "battery's energy over mean power",
+    "alarm_count": "state machine re-derived from the log",
     "alarm_time": "state machine re-derived from the log",
     "mismatch_time": "threshold and cumulative sums, whichever is first",
 }
@@ -128,19 +129,20 @@ def _battery(run: RunNumbers) -> list[Parameter]:
 
 
 def _alarms(run: RunNumbers) -> list[Parameter]:
-    alarms = run.alarms
+    alarms, reason = run.alarms, run.reasons.get(ALARMS, "")
+    told = () if alarms is None else alarms.alarms
+    count = undetermined("alarm_count", reason) if reason else Estimate("alarm_count", float(len(told)))
     found = [
         parameter(
             estimate("alarm_time", one.time, one.std_error),
             {"run": run.run, "alarm": one.code, "index": float(one.index)},
             one.cause,
         )
-        for one in (alarms.alarms if alarms else ())
+        for one in told
     ]
-    reason = run.reasons.get(ALARMS, "")
     if reason and not found:
         found.append(parameter(undetermined("alarm_time", reason), {"run": run.run}))
-    return found
+    return [parameter(count, {"run": run.run}), *found]
 
 
 def _mismatches(run: RunNumbers) -> list[Parameter]:

@@ -11,9 +11,10 @@ from pipeline.findings.figures import Cell, Column, Section, Status, Table, Text
 from pipeline.rigs.rap.therapy.outcome.frames import of_run, records, runs_of
 from pipeline.rigs.rap.therapy.outcome.paper import set_point_notes
 from pipeline.rigs.rap.therapy.outcome.sections_alarms import of_alarms, of_redundancy
+from pipeline.rigs.rap.therapy.outcome.sections_battery import of_battery
 from pipeline.rigs.rap.therapy.outcome.sections_clocks import of_clocks
-from pipeline.rigs.rap.therapy.outcome.sections_energy import of_battery, of_temperature
 from pipeline.rigs.rap.therapy.outcome.sections_membrane import of_membrane
+from pipeline.rigs.rap.therapy.outcome.sections_temperature import of_temperature
 from pipeline.rigs.rap.therapy.outcome.sections_volume import of_volume
 from pipeline.rigs.rap.therapy.record import PARTS
 
@@ -26,12 +27,12 @@ def sections(findings: Findings) -> Sequence[Section]:
         Section("verdicts", "Verdicts and what each run tells", [*_checks(findings), *_parts(findings)]),
         Section("set-points", "Set-points", _set_points(findings)),
         Section("clocks", "Clocks", of_clocks(findings)),
-        Section("temperature", "Temperature", of_temperature(findings)),
         Section("volume", "Ultrafiltrate volume", of_volume(findings)),
         Section("membrane", "Membrane", of_membrane(findings)),
         Section("battery", "Battery", of_battery(findings)),
         Section("alarms", "Events and alarms", of_alarms(findings)),
         Section("redundancy", "Control and protective unit", of_redundancy(findings)),
+        Section("temperature", "Temperature", of_temperature(findings)),
     ]
     return [chapter for chapter in chapters if chapter.blocks]
 

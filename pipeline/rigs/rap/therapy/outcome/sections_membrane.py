@@ -81,5 +81,5 @@ def _course(findings: Findings, run: str) -> Figure:
         f"membrane_{run}", f"Run {run}: membrane",
         "Does the membrane clog? Transmembrane pressure from zeroed means, rate of the ultrafiltrate over it, and the air's temperature, which "
         "moves viscosity by some 2 % a kelvin.",
-        f"transmembrane pressure, membrane coefficient with its fit and air temperature of run {run} over time", panels, share_x=True,
+        f"transmembrane pressure, membrane coefficient with its fit and air temperature of run {run} over time", panels, columns=len(panels), share_x=True,
     )  # fmt: skip

@@ -65,7 +65,7 @@ def _course(findings: Findings, run: str) -> Figure:
         f"volume_{run}", f"Run {run}: ultrafiltrate",
         "Does the estimate from level and pump follow the scale? Shaded: stretches without a usable level (blind bottom, lost echo, tilt), "
         "where the volume is dead reckoning from the pump's command, before the first level filled in backwards. The error is the estimate less the scale, with ± 2 sd.",
-        f"set, estimated and weighed volume of run {run} over time and their difference", panels, share_x=True,
+        f"set, estimated and weighed volume of run {run} over time and their difference", panels, columns=2, share_x=True,
     )  # fmt: skip
 
 
@@ -90,7 +90,7 @@ def _error(error: pd.DataFrame, axis: Axis) -> Panel:
             continue
         time, values, sd = (rows[name].to_numpy() for name in ("time", "error", "sd"))
         if np.isfinite(sd).any():
-            marks.append(Band(time, values - 2.0 * sd, values + 2.0 * sd, "model", "± 2 sd"))
+            marks.append(Band(time, values - 2.0 * sd, values + 2.0 * sd, "model", "estimate ± 2 sd"))
         marks.append(Line(time, values, role, label))
     return Panel([*marks, Rule(y=0.0)], axis, Axis("less the scale", "mL"), "error")
 
