@@ -6,6 +6,7 @@ from tank_runs import tank_run
 
 from pipeline.rigs.rap.tables import Signal
 from pipeline.rigs.rap.therapy.drains import drain_times, emptied
+from pipeline.rigs.rap.therapy.pump_gain import mean_gain
 
 
 def removed(run):
@@ -47,6 +48,17 @@ def test_a_key_before_the_first_drop_says_that_the_tank_is_empty():
     assert found == ()
     assert empty
     assert problems == ()
+
+
+def test_a_key_pressed_on_a_tank_that_keeps_some_is_not_believed():
+    run = tank_run(V0=0.9e-3, minutes=60, drained=1800.0, left=0.1e-3)
+    found = run.course([1790.0])
+    assert "shows 100 mL" in found.problems[0].message
+    assert not found.segments[1].known_empty
+    assert abs(found.total - removed(run)) < 3.0 * found.total_sd
+    told = mean_gain(found, run.command)
+    assert told.gain.value == pytest.approx(0.97, abs=0.03)
+    assert told.problems == ()
 
 
 def test_ordinary_runs_and_wild_echoes_show_no_emptying():

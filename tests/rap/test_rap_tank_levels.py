@@ -8,7 +8,9 @@ from tank_runs import TANK, tank_run
 
 from pipeline.errors import InputError
 from pipeline.rigs.rap.circuit.tank import Tank
+from pipeline.rigs.rap.synthetic.rig import synthesize_therapy
 from pipeline.rigs.rap.tables import Signal
+from pipeline.rigs.rap.therapy.channel_faults import channel_faults
 from pipeline.rigs.rap.therapy.levels import BLIND, CUT, FROZEN, NO_ECHO, TILTED, tank_of
 
 CONDITIONS = {"tank_lx": 0.12, "tank_ly": 0.0705, "tank_height": 0.26, "level_sensor_z": 0.285, "level_sensor_dx": 0.035,
@@ -119,3 +121,9 @@ def test_conditions_that_are_missing_are_asked_for_or_told():
     assert len(remarks) == 6
     with pytest.raises(InputError, match="axis and specular"):
         tank_of(CONDITIONS | {"echo_model": "cone"})
+
+
+def test_a_tank_that_pitches_by_fourteen_degrees_is_no_wrong_unit():
+    truth = {"runs": ["rap_tank_motion"], "motion_pitch": np.radians(14.0), "motion_duration": 3600.0}
+    (run,) = synthesize_therapy(truth, 3)
+    assert channel_faults(run) == []

@@ -13,8 +13,10 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.rap.circuit.tank import LARGEST_TILT, Tank, rise_at_sensor, tilt_of
 from pipeline.rigs.rap.conditions import channels
 from pipeline.rigs.rap.tables import Signal, signal
+from pipeline.rigs.rap.therapy.attitude import attitude
 from pipeline.rigs.rap.therapy.record import ACCELERATIONS, without
 
 # Air in a housing, K; the same in degrees Celsius and Fahrenheit.
@@ -163,7 +165,8 @@ def _level(recording: Recording) -> _Filling | None:
             "geometry of another tank. It is not used; mend the unit in the recipe or level_sensor_z.",
         )
     lx, ly = recording.conditions.get("tank_lx"), recording.conditions.get("tank_ly")
-    ratio = _slope_over_asked(recording, one) if isinstance(lx, float) and isinstance(ly, float) else None
+    upright = _upright(recording, one)
+    ratio = _slope_over_asked(recording, upright) if isinstance(lx, float) and isinstance(ly, float) else None
     if ratio is None or not isinstance(lx, float) or not isinstance(ly, float):
         return None
     share = -ratio * lx * ly
@@ -181,6 +184,17 @@ def _level(recording: Recording) -> _Filling | None:
         "and tank_ly of another tank, or a pump that does not pump. The level is not used; mend the unit or the conditions.",
         share=share,
     )
+
+
+def _upright(recording: Recording, one: Signal) -> Signal:
+    """Return the distance without what the tilt adds at the sensor, and without what eq. 8 does not hold for."""
+    axes = [signal(recording, name) for name in ACCELERATIONS]
+    dx, dy = (float(recording.conditions.get(name) or 0.0) for name in ("level_sensor_dx", "level_sensor_dy"))
+    if any(axis is None or axis.time.size < _FEW for axis in axes):
+        return one
+    n, _ = attitude(one.time, axes, [])
+    holds = tilt_of(n) < LARGEST_TILT
+    return Signal(one.name, one.time[holds], (one.values - rise_at_sensor(Tank(dx=dx, dy=dy), n))[holds])
 
 
 def _mass(recording: Recording) -> _Filling | None:

@@ -10,10 +10,10 @@ import numpy as np
 
 from pipeline.rigs.rap.circuit.tank import Tank
 from pipeline.rigs.rap.therapy.drains import Emptying
-from pipeline.rigs.rap.therapy.tank_kalman import LITRE
+from pipeline.rigs.rap.therapy.tank_kalman import EMPTY_SD, GAIN_SD, LITRE
 
-# Levels after a fall of which one tells the volume that is left.
-_SOON = 60
+# Levels after a fall of which one tells the volume that is left; so many gainsay the key, by so many standard deviations.
+_SOON, _ENOUGH, _DOUBTS = 60, 15, 4.0
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,25 @@ def without_wild_start(level: np.ndarray, asked: np.ndarray, area: float) -> np.
     out = level.copy()
     out[found[off > 6.0 * max(1.4826 * float(np.median(off)), 1e-3)]] = np.nan
     return out
+
+
+def not_empty(level: np.ndarray, asked: np.ndarray, area: float) -> float | None:
+    """Return what the first levels say was left in a tank that the key says is empty, m^3; None where they agree with it.
+
+    Parameters
+    ----------
+    level, asked
+        Levels of the filling (m; NaN: none) and what was asked for in each step (litre), shape (m,).
+    area
+        Of the floor, m^2.
+    """
+    found = np.flatnonzero(np.isfinite(level))[:_SOON]
+    if found.size < _ENOUGH:
+        return None
+    pumped = np.cumsum(asked)[found]
+    left = float(np.median(level[found] * area / LITRE - pumped))
+    doubt = math.hypot(EMPTY_SD, GAIN_SD * float(np.median(pumped)))
+    return left * LITRE if left > _DOUBTS * doubt else None
 
 
 def first_volume(level: np.ndarray, tank: Tank, *, after_fall: bool) -> tuple[float, float]:

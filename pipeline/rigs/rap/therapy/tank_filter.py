@@ -17,7 +17,7 @@ from pipeline.rigs.rap.circuit.tank import Tank
 from pipeline.rigs.rap.therapy.command import Command
 from pipeline.rigs.rap.therapy.consistency import Consistency, consistency
 from pipeline.rigs.rap.therapy.drains import Emptying
-from pipeline.rigs.rap.therapy.fillings import Segment, causes, first_volume, segment, without_wild_start
+from pipeline.rigs.rap.therapy.fillings import Segment, causes, first_volume, not_empty, segment, without_wild_start
 from pipeline.rigs.rap.therapy.levels import Levels
 from pipeline.rigs.rap.therapy.tank_kalman import EMPTY_SD, GATE, LITRE, NOISE, PATIENCE, Course, TankFilter
 
@@ -113,7 +113,12 @@ def track_volume(
     height = levels.level.copy()
     for e in emptied:
         height[(time > e.span[0]) & (time < e.span[1])] = np.nan
-    spans = [(a, b, k) for a, b, k in zip(starts, ends, known, strict=True) if b > a]
+    spans, left = [], []
+    for a, b, key in zip(starts, ends, known, strict=True):
+        if b > a:
+            rest = not_empty(height[a:b], asked[a:b], tank.area) if key else None
+            spans.append((a, b, key and rest is None))
+            left += [(float(time[a]), rest)] if rest is not None else []
 
     def filtered(noise_factor: float, driving: np.ndarray) -> list[tuple[TankFilter, Course]]:
         out = []
@@ -180,7 +185,7 @@ def track_volume(
         total=float(total),
         total_sd=total_sd,
         consistency=told,
-        problems=_problems(time, courses, gated, told, echoes.size),
+        problems=(*_left(left), *_problems(time, courses, gated, told, echoes.size)),
     )
 
 
@@ -216,6 +221,20 @@ def _likeliest(filtered: Callable[[np.ndarray], Sequence[tuple[TankFilter, Cours
         options={"xatol": 0.1, "fatol": 0.05, "initial_simplex": simplex},
     )
     return np.asarray(NOISE * np.exp(np.clip(found.x, -10.0, 10.0)))
+
+
+def _left(found: Sequence[tuple[float, float]]) -> list[QualityFinding]:
+    """Tell of keys pressed on a tank that was not emptied: (s, m^3 left)."""
+    return [
+        QualityFinding(
+            "warning",
+            f"drain_pressed says that the tank is empty at {moment:.0f} s, and the level shows {1e6 * rest:.0f} mL in it: the level is "
+            "believed. Was it emptied in part, or the key pressed too early?",
+            channel="drain_pressed",
+            span=(moment, moment),
+        )
+        for moment, rest in found
+    ]
 
 
 def _problems(
