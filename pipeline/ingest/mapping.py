@@ -71,6 +71,7 @@ class SelectedChannel:
     limit: float | None = None
     counts_samples: bool = False
     lists_entries: bool = False
+    no_value: float | None = None
 
     def si(self, raw: np.ndarray) -> np.ndarray:
         """Return samples (n,) in SI; words stay words, numbers of a text channel become words."""
@@ -228,7 +229,9 @@ def _selected(
                 f"{where}: {said}; '{spec.name}' ({spec.description}) needs numbers. "
                 f"Mend the log, or name another channel in the recipe: {recipe_line(spec, None)}."
             )
-        notes.append(QualityFinding("warning", f"{where} {said}; it is left out.", channel=spec.name))
+        notes.append(
+            QualityFinding("warning" if place else "note", f"{where} {said}; it is left out.", channel=spec.name)
+        )
         return None
     unit = _unit(spec, entry, raw, where, notes)
     to_si = _conversion(unit, spec, entry, where)
@@ -243,6 +246,7 @@ def _selected(
         spec.limit,
         spec.counts_samples,
         spec.lists_entries,
+        spec.no_value,
     )
 
 

@@ -28,6 +28,8 @@ class ChannelLike(Protocol):
     def counts_samples(self) -> bool: ...  # noqa: D102
     @property
     def lists_entries(self) -> bool: ...  # noqa: D102
+    @property
+    def no_value(self) -> float | None: ...  # noqa: D102
 
 
 def plain(name: str) -> str:

@@ -79,7 +79,8 @@ class ChannelSpec:
     `limit` is the largest magnitude (SI) that is physically plausible; beyond it a wrong unit is
     suspected and said. `counts_samples` marks a counter by which the rig knows what was lost on the way: whether the
     gaps of its stream matter is then for the rig to say. `lists_entries` marks what makes its table a list of entries
-    (events, samples of a culture): rows of the same time are all kept, and how evenly they come is not judged.
+    (events, samples of a culture): rows of the same time are all kept, and how evenly they come is not judged. `no_value` is
+    a number (SI) that stands where nothing could be measured, and which the rig expects.
     """
 
     name: str
@@ -89,6 +90,7 @@ class ChannelSpec:
     limit: float | None = None
     counts_samples: bool = False
     lists_entries: bool = False
+    no_value: float | None = None
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,7 @@ class ParameterSpec:
     """A name that may stand in the findings: symbol (LaTeX), SI unit, meaning, equation.
 
     `key` marks the few that stand on top of the report; with `key_at` only those whose operating
-    point has that entry do.
+    point has that entry do. `read_as` is the unit in which the report shows it where that is no SI unit: '%', 'mL/min'.
     """
 
     name: str
@@ -123,6 +125,7 @@ class ParameterSpec:
     source: str = ""
     key: bool = False
     key_at: str = ""
+    read_as: str = ""
 
 
 @dataclass(frozen=True)
@@ -266,6 +269,10 @@ class Experiment:
         own = next((spec.read_as for spec in (*self.operating, *self.conditions) if spec.name == name), "")
         unit = self.unit_of(name)
         return own or ("degC" if unit == "K" else unit)
+
+    def parameter_read_as(self, name: str, unit: str) -> str:
+        """Return the unit in which a report shows a parameter that the findings tell in `unit`."""
+        return next((spec.read_as for spec in self.parameters if spec.name == name and spec.unit == unit), "") or unit
 
     def parameter(self, name: str) -> ParameterSpec:
         """Return the declaration of a parameter; LookupError where there is none."""

@@ -28,6 +28,7 @@ class Spec:
     limit: float | None = None
     counts_samples: bool = False
     lists_entries: bool = False
+    no_value: float | None = None
 
 
 class MemoryTable(RawTable):

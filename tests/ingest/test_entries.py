@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +22,14 @@ SPECS = (
 )
 
 
-def recording(folder: Path, **tables: str) -> Recording:
+def recording(folder: Path, specs: Sequence[ChannelSpec] = SPECS, **tables: str) -> Recording:
+    folder.mkdir(exist_ok=True)
     logs = []
     for name, text in tables.items():
         path = folder / f"r1.{name}.csv"
         path.write_text(text)
         logs.append((name, path))
-    ingest_run("r1", logs, SPECS, {}, {}, {}, folder / "out")
+    ingest_run("r1", logs, specs, {}, {}, {}, folder / "out")
     (found,) = read_folder(folder / "out")
     return found
 
@@ -87,3 +90,19 @@ def test_a_list_of_one_event_is_taken_beside_a_long_table(tmp_path: Path) -> Non
     one_event = "time [s],state\n3.5,ALARM\n"
     found = recording(tmp_path, device=samples, events=one_event)
     assert [list(found.signal("state")[0]), list(found.values("state"))] == [[3.5], ["ALARM"]]
+
+
+def test_blanks_in_a_list_are_no_missing_samples_and_a_number_for_no_value_is_no_stuck_sensor(tmp_path: Path) -> None:
+    events = "time [s],state,viability\n" + "".join(
+        f"{5 * k},{'AB'[k % 2]},{'1' if k == 3 else ''}\n" for k in range(12)
+    )
+    level = 30.0 + np.random.default_rng(2).normal(size=400).round(3)
+    level[200:260] = 0.0
+    samples = "time [s],pressure [Pa]\n" + "".join(f"{k},{v}\n" for k, v in enumerate(level))
+    silent = recording(tmp_path, events=events, device=samples)
+    assert any("stuck at 0 Pa" in q.message for q in silent.quality)
+    assert not any("no value" in q.message for q in silent.quality)
+    expected = [replace(spec, no_value=0.0) if spec.name == "pressure" else spec for spec in SPECS]
+    told = recording(tmp_path / "b", expected, events=events, device=samples)
+    assert not any("stuck" in q.message or "spike" in q.message for q in told.quality)
+    np.testing.assert_array_equal(told.values("pressure"), level)

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.errors import counted
 from pipeline.ingest.mapping import SelectedChannel
 from pipeline.ingest.quality.constant import ConstantStretches, Stretch
-from pipeline.ingest.quality.extremes import Extreme
+from pipeline.ingest.quality.extremes import Extreme, FlatTops
 from pipeline.ingest.quality.resolution import Resolution
 from pipeline.ingest.quality.spikes import Spikes
 from pipeline.ingest.quality.window import CONTEXT, Window
@@ -24,6 +24,9 @@ _MISTAKEN = (
     ("m/s^2", "g_0"), ("mm/s^2", "m/s^2"), ("rpm", "Hz"), ("rpm", "rad/s"), ("deg/s", "rad/s"), ("g", "kg"),
     ("W", "kW"), ("N*mm", "N*m"), ("N*m", "kN*m"), ("N/m", "N/mm"), ("ms", "s"), ("us", "s"), ("%", "1"),
 )  # fmt: skip
+
+# In fewer samples a flat top is as likely a coarse reading of what came to rest.
+_FEWEST_TO_CLIP = 100
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,10 @@ class ChannelSummary:
 class ChannelQuality:
     """Accumulates the checks of one channel; memory is bounded by the block."""
 
-    def __init__(self, channel: SelectedChannel) -> None:
+    def __init__(self, channel: SelectedChannel, in_list: bool = False) -> None:
+        """`in_list`: the channel stands in a list of entries, where a blank is no missing sample."""
         self.channel = channel
+        self._in_list = in_list
         self.n = 0
         self.missing = 0
         self._sum = 0.0
@@ -59,6 +64,10 @@ class ChannelQuality:
     def add(self, values: np.ndarray, time: np.ndarray) -> None:
         """Take the next block: values in SI (NaN where there are none) and time (s), each of shape (n,)."""
         self.n += values.size
+        if self.channel.no_value is not None:
+            measured = values != self.channel.no_value
+            self.n -= int(np.count_nonzero(~measured))
+            values, time = values[measured], time[measured]
         total = float(values.sum())
         if not math.isfinite(total):
             present = np.isfinite(values)
@@ -112,8 +121,13 @@ class ChannelQuality:
         """
         if self.is_dead or self.channel.unit == "count":
             return []
-        clipped = {tops.level for tops in (self._upper.clipped(), self._lower.clipped()) if tops}
+        clipped = {top.level for top in self._clipped()}
         return [stretch for stretch in self.stretches.stuck() if stretch.value not in clipped]
+
+    def _clipped(self) -> list[FlatTops]:
+        if self.present < _FEWEST_TO_CLIP:
+            return []
+        return [top for top in (self._lower.clipped(), self._upper.clipped()) if top]
 
     @property
     def reached(self) -> float:
@@ -126,6 +140,8 @@ class ChannelQuality:
         `swapped_with` is the channel whose samples these would fit, if any.
         """
         if not self.n:
+            return []
+        if not self.present and self._in_list and not self.channel.required:
             return []
         if not self.present:
             level: Level = "error" if self.channel.required else "warning"
@@ -142,7 +158,7 @@ class ChannelQuality:
         return f"{value:.5g} {self.channel.unit}".removesuffix(" 1")
 
     def _said_missing(self) -> list[QualityFinding]:
-        if self._gone is None:
+        if self._gone is None or self._in_list:
             return []
         part = self.missing / self.n
         level: Level = "note" if part <= 1e-3 else "warning"
@@ -155,7 +171,7 @@ class ChannelQuality:
         return self._said("warning" if self.channel.required else "note", what)
 
     def _said_clipped(self) -> list[QualityFinding]:
-        tops = [top for top in (self._lower.clipped(), self._upper.clipped()) if top]
+        tops = self._clipped()
         if not tops or self._counts:
             return []
         levels = " and ".join(self._value(top.level) for top in tops)

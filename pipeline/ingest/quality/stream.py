@@ -37,10 +37,10 @@ class StreamQuality:
     def __init__(self, channels: Sequence[SelectedChannel]) -> None:
         self.sampling = Sampling()
         self._texts = [channel for channel in channels if channel.unit == ""]
-        self._channels = [ChannelQuality(channel) for channel in channels if channel.unit != ""]
+        self._is_list = any(channel.lists_entries for channel in channels)
+        self._channels = [ChannelQuality(channel, self._is_list) for channel in channels if channel.unit != ""]
         self._order = [channel.name for channel in channels]
         self._losses_counted = any(channel.counts_samples for channel in channels)
-        self._is_list = any(channel.lists_entries for channel in channels)
 
     def add(self, time: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
         """Take the next block: time (n,), s, strictly increasing, and the channels in SI."""

@@ -45,7 +45,7 @@ _CHANNELS = (
     ChannelSpec("uf_flow_set", "m^3/s", "ultrafiltration rate as set", limit=2e-6),
     ChannelSpec("uf_pump_command", "m^3/s", "rate that the device asks of its ultrafiltrate pump", limit=2e-6),
     ChannelSpec("uf_volume_rap", "m^3", "ultrafiltrate in the tank as the device estimates it", limit=1e-2),
-    ChannelSpec("uf_level_distance", "m", "distance of the ultrasonic sensor to the liquid; 0 where the echo is not valid", limit=2.0),
+    ChannelSpec("uf_level_distance", "m", "distance of the ultrasonic sensor to the liquid; 0 where the echo is not valid", no_value=0.0, limit=2.0),
     ChannelSpec("uf_echo_valid", "1", "1 where the ultrasonic echo is valid", limit=10.0),
     ChannelSpec("tank_accel_x", "m/s^2", "acceleration of the tank along its length Lx", limit=160.0),
     ChannelSpec("tank_accel_y", "m/s^2", "acceleration of the tank along its width Ly", limit=160.0),
