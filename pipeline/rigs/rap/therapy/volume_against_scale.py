@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from pipeline.rigs.rap.therapy.scale_record import Weighed, without_touches
 _BIN = 60.0
 _BLOCK = 2400.0
 _RATE_OFF = 0.05
+# Rates of level and scale nearer than that are the same.
+_RATE_SAME = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,14 @@ class VolumeError:
     rate_estimate: Estimate
     rate_ratio: Estimate
     problems: tuple[QualityFinding, ...]
+
+    @property
+    def pump_is_off(self) -> bool:
+        """Whether the estimate gains as the scale does, so that a rate off the set one is the pump's doing."""
+        own, weighed, ratio = (one.value for one in (self.rate_estimate, self.rate_scale, self.rate_ratio))
+        if own is None or weighed is None or ratio is None:
+            return True
+        return abs(own / weighed - 1.0) < max(_RATE_SAME, 0.3 * abs(ratio - 1.0))
 
 
 def against_scale(
@@ -128,12 +138,8 @@ def against_scale(
         ratio = estimate(
             "uf_rate_ratio", rate_scale.value / set_rate, rate_scale.std_error / set_rate, dof=rate_scale.dof
         )
-        off = abs(float(ratio.value or 1.0) - 1.0)
-        if off > _RATE_OFF and off > 2.0 * float(ratio.std_error or 0.0):
-            text = f"UF pump gain {ratio.value:.3f}: the scale sees {100 * (float(ratio.value or 1.0) - 1.0):+.1f} % against the set rate. Calibrate the pump."
-            problems.append(QualityFinding("warning", text, channel="uf_flow_set"))
     problems += _scale_doubts(middle[counted], e, own_sd[counted], bias, what)
-    return VolumeError(
+    made = VolumeError(
         rms=rms,
         final=final,
         final_percent=100.0 * float(final.value or 0.0) / rise if rise > 0.0 else math.nan,
@@ -151,6 +157,23 @@ def against_scale(
         rate_ratio=ratio,
         problems=tuple(problems),
     )
+    return replace(made, problems=(*_rate_doubts(made, set_rate, what), *problems))
+
+
+def _rate_doubts(found: VolumeError, set_rate: float | None, what: str) -> list[QualityFinding]:
+    """Tell a weighed rate that is not the set one, and whether the pump can be blamed."""
+    ratio = found.rate_ratio
+    off = float(ratio.value or 1.0) - 1.0
+    if not set_rate or abs(off) <= max(_RATE_OFF, 2.0 * float(ratio.std_error or 0.0)):
+        return []
+    text = f"UF pump gain {1.0 + off:.3f}: the scale sees {100 * off:+.1f} % against the set rate. Calibrate the pump."
+    if not found.pump_is_off:
+        own = float(found.rate_estimate.value or 0.0) / set_rate - 1.0
+        text = (
+            f"the scale gains {100 * off:+.1f} % against the set rate and {what} {100 * own:+.1f} %: one of them is wrong. Look at the "
+            "scale (drift, touched), fluid_density and the tank's floor before the pump."
+        )
+    return [QualityFinding("warning", text, channel="uf_flow_set")]
 
 
 def _means(time: np.ndarray, values: np.ndarray, edges: np.ndarray) -> np.ndarray:
@@ -228,19 +251,20 @@ def _scale_doubts(time: np.ndarray, e: np.ndarray, sd: np.ndarray, bias: Estimat
     out = []
     doubt = float(np.nanmedian(sd)) if np.isfinite(sd).any() else 2e-6
     value, error = float(bias.value or 0.0), float(bias.std_error or 0.0)
-    if abs(value) > 3.0 * math.hypot(doubt, error) + 3e-6:
+    drift = _slope("drift", time, e, 0.0)
+    whole = float(drift.value or 0.0) * float(np.ptp(time))
+    drifts = drift.ci95 is not None and (drift.ci95[0] > 0.0 or drift.ci95[1] < 0.0)
+    drifts &= abs(whole) > max(5e-6, 4.0 * doubt)
+    if abs(value) > 3.0 * math.hypot(doubt, error) + 3e-6 and not (drifts and abs(whole) > abs(value)):
         text = (
             f"{what} stands {1e6 * value:+.1f} mL off the scale throughout. The level alone cannot tell an offset of the sensor "
             "(1 mm is 8.5 mL) or the tank's area from the volume: calibrate the geometry once with the scale, and check the tare."
         )
         out.append(QualityFinding("warning", text, channel="uf_level_distance"))
-    drift = _slope("drift", time, e, 0.0)
-    if drift.value is not None and drift.ci95 is not None and (drift.ci95[0] > 0.0 or drift.ci95[1] < 0.0):
-        whole = drift.value * float(np.ptp(time))
-        if abs(whole) > max(5e-6, 4.0 * doubt):
-            text = (
-                f"{what} and the scale drift apart by {1e6 * whole:+.1f} mL over the run: the scale drifts, the density or the tank's area "
-                "is stated wrong, or fluid is lost between membrane and scale."
-            )
-            out.append(QualityFinding("warning", text, channel="uf_mass_scale", span=(float(time[0]), float(time[-1]))))
+    if drifts:
+        text = (
+            f"{what} and the scale drift apart by {1e6 * whole:+.1f} mL over the run: the scale drifts, the density or the tank's area "
+            "is stated wrong, or fluid is lost between membrane and scale."
+        )
+        out.append(QualityFinding("warning", text, channel="uf_mass_scale", span=(float(time[0]), float(time[-1]))))
     return out
