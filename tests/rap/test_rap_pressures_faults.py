@@ -265,3 +265,44 @@ def test_meter_on_the_return_line_is_told_where_the_run_says_otherwise() -> None
     findings = found(told(pressures(**SHORT, flowmeter_location="return"), {"flowmeter_location": "access"}))
     assert "meter reads Q_b - Q_uf" in messages(findings)
     assert findings.verdict == "warning"
+
+
+def test_lone_spikes_are_named_and_spoil_nothing() -> None:
+    rng = np.random.default_rng(5)
+
+    def struck(p: np.ndarray) -> np.ndarray:
+        return p + rng.choice([-2e4, 2e4], p.size) * (rng.random(p.size) < 0.01)
+
+    findings = found(changed(usual(), **{f"pressure_{tap}_rap": struck for tap in TAPS}))
+    assert "lone spikes of up to" in messages(findings)
+    assert "exchanged?" not in messages(findings)
+    sound = found(usual())
+    for tap in TAPS:
+        for name in ("gain", "limit_upper"):
+            ours, theirs = findings.one(name, channel=tap), sound.one(name, channel=tap)
+            assert ours.value == pytest.approx(theirs.value, abs=4.0 * theirs.std_error)
+
+
+def test_strokes_are_no_spikes() -> None:
+    assert "spikes" not in messages(found(usual()))
+
+
+def test_minutes_labelled_seconds_are_refused_as_that() -> None:
+    text = refusal(edited(usual(), lambda _stream, time, columns: (time / 60.0, columns)))
+    assert "time in min, labelled s?" in text
+    assert "exchanged?" not in text
+
+
+def test_one_reading_in_kilopascal_is_no_exchange() -> None:
+    text = refusal(changed(usual(), pressure_prefilter_bench=lambda p: p / 1e3))
+    assert "unit mix-up, factor 1000" in text
+    assert "exchanged?" not in text
+
+
+def test_turned_sign_of_all_ultrafiltrate_pressures_is_told() -> None:
+    findings = found(changed(usual(), **{f"pressure_uf_{reader}": lambda p: -p for reader in READERS}))
+    assert findings.one("k_uf").value is None
+    assert any(
+        "sign of pressure_uf is turned" in q.message and q.channel == "pressure_uf_bench" for q in findings.quality
+    )
+    assert any("sign of pressure_uf is turned" in reason for reason in findings.reasons)

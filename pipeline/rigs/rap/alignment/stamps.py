@@ -9,6 +9,8 @@ import numpy as np
 # Samples either side over which the grid is taken; steps within that share of the usual one belong to one stretch.
 _HALF = 400
 _SAME = 0.5
+# So many steps, within that share of one, are as many less one lost samples: the timer went on meanwhile.
+_LOST, _WHOLE = 4, 0.25
 # Fewer samples than that in a stretch are left as they are.
 _FEWEST = 20
 
@@ -16,17 +18,21 @@ _FEWEST = 20
 def evened(time: np.ndarray) -> np.ndarray:
     """Return stamps (s, increasing, shape (n,)) replaced by the line through the neighbours' over some hundred samples.
 
-    Each stretch without a lost sample by itself; a drift of the clock stays, jitter goes.
+    Each stretch without a gap by itself; a drift of the clock stays, jitter goes. A few lost samples make no gap.
     """
     out = np.array(time, dtype=float)
     if time.size < _FEWEST:
         return out
     steps = np.diff(out)
     usual = float(np.median(steps))
-    bounds = [0, *(np.flatnonzero(np.abs(steps - usual) > _SAME * usual) + 1).tolist(), out.size]
+    count = np.maximum(np.round(steps / usual), 1.0)
+    off = np.abs(steps - count * usual) / usual
+    one_grid = np.where(count > 1.0, (count <= _LOST) & (off < _WHOLE), off <= _SAME)
+    index = np.r_[0.0, np.cumsum(count)]
+    bounds = [0, *(np.flatnonzero(~one_grid) + 1).tolist(), out.size]
     for first, last in pairwise(bounds):
         if last - first >= _FEWEST:
-            out[first:last] = _smoothed(out[first:last])
+            out[first:last] = _smoothed(out[first:last], index[first:last])
     return out if np.all(np.diff(out) > 0) else np.array(time, dtype=float)
 
 
@@ -35,10 +41,9 @@ def jitter(time: np.ndarray) -> float:
     return float(np.std(time - evened(time)))
 
 
-def _smoothed(time: np.ndarray) -> np.ndarray:
-    """Return the moving line through `time` over its index: a moving mean inside, one line for each end."""
+def _smoothed(time: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Return the moving line through `time` over the timer's count `index`: a moving mean inside, one line for each end."""
     n = time.size
-    index = np.arange(n)
     half = min(_HALF, (n - 1) // 2)
     line = np.polyfit(index, time, 1)
     flat = time - np.polyval(line, index)

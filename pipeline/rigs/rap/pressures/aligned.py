@@ -17,6 +17,8 @@ from pipeline.signals.resampling import stretches, to_uniform
 _FINER, _EXTENDED = 4, 5.0
 # Samples that near to an end or a gap are not compared, s.
 _MARGIN = 0.5
+# Between two samples of the bench that many steps apart one is missing.
+_KNOWN = 1.6
 # A stretch of fewer samples is left out.
 _FEWEST = 40
 
@@ -102,6 +104,9 @@ def _at(
         even = to_uniform(stamps[part], pair.bench.values[part])
         grid, (through, same) = _finer(even.grid[0], 1.0 / even.rate, even.values, poles)
         inside = (time > grid[0] + _MARGIN) & (time < even.grid[-1] - _MARGIN)
+        # A lone lost sample is bridged for the filter alone: between its neighbours the bench is not known.
+        at = np.clip(np.searchsorted(stamps[part], time), 1, part.size - 1)
+        inside &= np.diff(stamps[part])[at - 1] < _KNOWN / even.rate
         for out, values in ((equal, through), (plain, same)):
             out[inside] = make_interp_spline(grid, values, k=3)(time[inside])
     return equal, plain

@@ -9,11 +9,11 @@ import numpy as np
 
 from pipeline.recording import QualityFinding, Recording, Stream
 from pipeline.rigs.rap.pressures.exchanged import exchange_faults
-from pipeline.rigs.rap.pressures.gaps import gap_notes
 from pipeline.rigs.rap.pressures.record import Record
 from pipeline.rigs.rap.pressures.spans import Span, within
 from pipeline.rigs.rap.pressures.stuck import lost_samples
 from pipeline.rigs.rap.pressures.tap_levels import tap_levels
+from pipeline.rigs.rap.pressures.time_base import time_faults
 from pipeline.rigs.rap.pressures.units import unit_faults
 from pipeline.rigs.rap.pressures.zeros import zero_faults
 
@@ -32,9 +32,11 @@ class DataFaults:
 def data_faults(record: Record) -> DataFaults:
     """Judge the channels of a run.
 
-    Wrong units, exchanged taps and turned signs refuse the run: mended in the recipe, it can be used whole. A channel that
+    Wrong units (of time, too), exchanged taps and turned signs refuse the run: mended in the recipe, it can be used whole. A channel that
     is frozen or saturated over much of the run is left out, frozen samples of others as well.
     """
+    if stamps := time_faults(record):
+        return DataFaults(tuple(stamps), tuple(one.message for one in stamps), {}, (), record.recording)
     levels = tap_levels(record)
     lost = lost_samples(record)
     usable = [level for level in levels if level.channel not in lost.useless]
@@ -43,7 +45,7 @@ def data_faults(record: Record) -> DataFaults:
     grave = [finding for finding in found if finding.level == "error" or finding.channel not in lost.spans]
     refused = tuple(finding.message for finding in grave if finding.level == "error")
     zeros = [] if any("unit mix-up" in text for text in refused) else zero_faults(record, usable)
-    findings = (*grave, *lost.findings, *zeros, *gap_notes(record))
+    findings = (*grave, *lost.findings, *zeros)
     return DataFaults(
         findings, refused, lost.useless, tuple(lost.spans), _without(record.recording, lost.useless, lost.spans)
     )

@@ -9,6 +9,7 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.conditions import TAP_NAMES
 from pipeline.rigs.rap.pressures.record import READERS, WORDS, Record
 from pipeline.rigs.rap.pressures.tap_levels import TapLevel
+from pipeline.rigs.rap.pressures.units import side_of
 
 # A level that is so far from zero (Pa, and that many standard errors) has a sign.
 _CLEAR, _SIGMAS = 100.0, 4.0
@@ -82,7 +83,10 @@ def _order(record: Record, reader: str, taps: dict[str, TapLevel]) -> list[Quali
         return []
     drop, error = before.rise - after.rise, math.hypot(before.error, after.error)
     reversed_ = drop <= 0.0 and abs(drop) > _SIGMAS * error
-    ratio = after.pulsation / before.pulsation if before.pulsation > 0.0 else math.inf
+    # Of two that are in different units neither can be said to be the larger.
+    if not before.pulsation > 0.0 or side_of(before) != side_of(after):
+        return []
+    ratio = after.pulsation / before.pulsation
     told = (
         f"{before.channel} is {before.rise:.4g} Pa and {after.channel} {after.rise:.4g} Pa, and the latter pulsates "
         f"{ratio:.2g} times as much"

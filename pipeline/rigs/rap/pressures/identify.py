@@ -13,11 +13,13 @@ from pipeline.rigs.nothing_usable import nothing_usable
 from pipeline.rigs.rap.pressures.arrays import arrays_of
 from pipeline.rigs.rap.pressures.data_faults import data_faults
 from pipeline.rigs.rap.pressures.declaration import PressuresSettings
+from pipeline.rigs.rap.pressures.gaps import gap_notes
 from pipeline.rigs.rap.pressures.models import models_of
 from pipeline.rigs.rap.pressures.parameters import none_told, parameters_of
 from pipeline.rigs.rap.pressures.published import published
 from pipeline.rigs.rap.pressures.record import record_of
 from pipeline.rigs.rap.pressures.run_numbers import RunNumbers, run_numbers
+from pipeline.rigs.rap.pressures.spikes import without_spikes
 from pipeline.rigs.rap.pressures.verdict import judge
 
 
@@ -94,7 +96,8 @@ def looked_at(recording: Recording, settings: PressuresSettings) -> tuple[RunNum
     InputError
         If its channels leave nothing to identify.
     """
-    record = record_of(recording)
+    sound, spiky = without_spikes(recording)
+    record = record_of(sound)
     if not record.sources:
         names = listing(sorted(channel.name for channel in recording), 12)
         raise InputError(
@@ -102,7 +105,8 @@ def looked_at(recording: Recording, settings: PressuresSettings) -> tuple[RunNum
             "pressure_<tap>_bench for agreement, or either with a blood flow for hydraulics; name them in the recipe, under 'channels'."
         )
     faults = data_faults(record)
+    noticed = [*faults.findings, *gap_notes(record_of(recording) if spiky else record), *spiky]
     if faults.refused:
-        return "; ".join(text.rstrip(".") for text in faults.refused), list(faults.findings)
+        return "; ".join(text.rstrip(".") for text in faults.refused), noticed
     numbers = run_numbers(record, faults, settings)
-    return numbers, [*faults.findings, *numbers.findings]
+    return numbers, [*noticed, *numbers.findings]

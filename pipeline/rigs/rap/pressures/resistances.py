@@ -22,6 +22,11 @@ NO_EFFECT = (
     "open, do the signs hold?"
 )
 """Why there is no coefficient where the ultrafiltration does nothing to the pressure."""
+TURNED = (
+    "the transmembrane pressure falls when ultrafiltration comes on, where it must rise: the ultrafiltrate pump lowers its pressure. The sign of "
+    "pressure_uf is turned: 'sign: -1' in the recipe"
+)
+"""Why there is no coefficient where the ultrafiltrate pressure goes the wrong way."""
 K_UF_LARGEST = 2e-10
 """No membrane of this kind lets more through, m^3/(s Pa)."""
 UF_OFF = 1e-9
@@ -191,7 +196,7 @@ def coefficient(
 
     whole = value(np.ones(x.size, dtype=bool))
     if not 0.0 < whole < K_UF_LARGEST:
-        return NO_EFFECT
+        return TURNED if -K_UF_LARGEST < whole < 0.0 else NO_EFFECT
     left_out = np.array([value(block != b) for b in np.unique(block)])
     if left_out.size < 3 or not np.all(np.isfinite(left_out)):
         return "the ultrafiltration was on in too few steady windows of 10 s"

@@ -25,7 +25,7 @@ from pipeline.rigs.rap.pressures.misfit_faults import misfit_faults
 from pipeline.rigs.rap.pressures.pump_lines import pump_faults, pump_lines, too_slow
 from pipeline.rigs.rap.pressures.readings import CircuitNumbers, circuit_of
 from pipeline.rigs.rap.pressures.record import Record
-from pipeline.rigs.rap.pressures.resistances import NO_EFFECT
+from pipeline.rigs.rap.pressures.resistances import NO_EFFECT, TURNED
 from pipeline.rigs.rap.pressures.two_units import unit_differences
 from pipeline.rigs.rap.pulsation.passages import Passages, find_passages
 from pipeline.rigs.rap.tables import Signal, signal
@@ -121,8 +121,8 @@ def run_numbers(record: Record, faults: DataFaults, settings: PressuresSettings)
             no_tap.pop(pair.name, None)
         found += bubble_faults(record.run, alignment, passages, [numbers.aligned for numbers in taps.values()])
     circuit = circuit_of(record, faults.sound, alignment if clock_known else None, levels, settings.device_gain_u)
-    if not isinstance(circuit, str) and circuit.found.estimates["k_uf"].reason == NO_EFFECT:
-        found.append(QualityFinding("warning", NO_EFFECT, record.run, pressure("uf", circuit.reader)))
+    if not isinstance(circuit, str) and (why_none := circuit.found.estimates["k_uf"].reason) in (NO_EFFECT, TURNED):
+        found.append(QualityFinding("warning", why_none, record.run, pressure("uf", circuit.reader)))
     checks = _checks(taps, alignment, passages, circuit)
     found += _left(record, taps, checks, found)
     return RunNumbers(

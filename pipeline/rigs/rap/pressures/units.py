@@ -42,8 +42,8 @@ def unit_faults(record: Record, levels: Sequence[TapLevel]) -> list[QualityFindi
 
 def _by_size(record: Record, levels: Sequence[TapLevel]) -> list[tuple[QualityFinding, list[str]]]:
     """Judge the taps of one reader by the size that they must have with the pump on."""
-    low = [level for level in levels if _side(level) < 0]
-    high = [level for level in levels if _side(level) > 0]
+    low = [level for level in levels if side_of(level) < 0]
+    high = [level for level in levels if side_of(level) > 0]
     found = []
     for odd, power in ((low, 1), (high, -1)):
         if not odd:
@@ -77,7 +77,7 @@ def _of_reader(levels: Sequence[TapLevel], odd: Sequence[TapLevel]) -> str:
     return listing(others, 4) if others else "channels of the same source"
 
 
-def _side(level: TapLevel) -> int:
+def side_of(level: TapLevel) -> int:
     """Return -1 where a level is too low to be in pascals, 1 where it is too high, 0 where it can be."""
     if level.tap not in _POSSIBLE or not math.isfinite(level.rise) or level.spread == 0.0:
         return 0

@@ -17,6 +17,7 @@ from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.rap.conditions import TAP_NAMES
 from pipeline.rigs.rap.pressures.declaration import MMHG, PARAMETERS, PressuresSettings
 from pipeline.rigs.rap.pressures.judgements import judged
+from pipeline.rigs.rap.pressures.resistances import NO_EFFECT, TURNED
 from pipeline.rigs.rap.pressures.run_numbers import RunNumbers
 
 _TOLD = 4
@@ -125,7 +126,8 @@ def _next(said: Judgement, runs: Sequence[RunNumbers], parameters: Sequence[Para
         said.advise(
             "Run at three speeds with the pump stopped for 20 s at both ends, and log the flow meter or the flow as set."
         )
-    if names & {"k_uf", "c_uf"}:
+    seen = any(p.name == "k_uf" and p.description.startswith((NO_EFFECT, TURNED)) for p in parameters)
+    if names & {"k_uf", "c_uf"} and not seen:
         said.advise(
             "Switch ultrafiltration on and off at each speed, and log its rate as set: the membrane shows only then."
         )
