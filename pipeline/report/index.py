@@ -64,11 +64,11 @@ def _key_numbers(findings: Findings, experiment: Experiment) -> list[dict[str, s
     shown = []
     for parameters in key_parameters(findings, experiment)[:_MOST_KEY_NUMBERS]:
         known = [parameter for parameter in parameters if parameter.value is not None]
-        unit = common_unit(parameters)
+        unit = common_unit(parameters, experiment)
         values = [unit.read(parameter.value or 0.0) for parameter in known]
         text, first = "not determined", parameters[0]
         if len(known) == 1:
-            text = str(reading(known[0].value or 0.0, known[0].std_error, None, unit.size))
+            text = str(reading(known[0].value or 0.0, known[0].std_error, None, unit.size, unit.zero))
             first = known[0]
         elif known:
             text = f"{plain(min(values), 3)} … {plain(max(values), 3)}"

@@ -168,6 +168,23 @@ def test_held_out_tubes_are_told_apart_by_a_key_of_their_own_where_there_are_sev
     assert any("hold-out, tube B" in reason for reason in found.reasons)
 
 
+def test_the_flow_through_another_tube_holds_what_its_volume_may_differ_by():
+    both = logs(["calibration", "tube"])
+    metered = identified(both).arrays["flows"].set_index(["run", "estimator", "flow_set"])["metered"]
+    found = identified(without(both, "blood_flow_bench", run="rap_flow_val_tube"))
+    told_flows = found.find("flow", run="rap_flow_val_tube")
+    assert len(told_flows) == 6
+    for p in told_flows:
+        assert p.ci95[0] < metered["rap_flow_val_tube", p.at["estimator"], p.at["flow_set"]] < p.ci95[1]
+        assert "tube was not calibrated" in p.description
+
+
+def test_the_width_of_e2_s_intervals_is_said_to_be_misfit_and_not_noise():
+    found = of_the_usual()
+    assert "what the law misses between set-points" in found.one("y1").description
+    assert "misses" not in found.one("pump_compliance").description
+
+
 def test_a_hold_out_of_one_tube_needs_no_further_key():
     found = identified(logs(["calibration", "tube"]))
     p = found.one("flow_error_max", estimator="E3", set="holdout")

@@ -59,6 +59,8 @@ class Calibrated:
         The part of it that all operating points of a set-point share, beyond what chance makes their mean.
     scatter
         Relative standard deviation of single windows about their operating point.
+    noise
+        Standard errors of the coefficients if that scatter were all, shape (k,): how much smaller they are says what the law misses.
     windows
         What it was fitted to.
     """
@@ -69,6 +71,7 @@ class Calibrated:
     misfit: float
     shared: float
     scatter: float
+    noise: np.ndarray
     windows: FlowWindows
 
     def flow(self, windows: FlowWindows) -> np.ndarray:
@@ -109,6 +112,7 @@ def calibrate(law: Law, windows: FlowWindows) -> Calibrated:
     errors = law.columns(windows) @ values / windows.flow - 1.0
     means = np.bincount(at, errors) / np.bincount(at)
     scatter = float(np.sqrt(((errors - means[at]) ** 2).sum() / max(windows.size - points.size, 1)))
+    noise = _noise(law, windows, values, at)
     missed = []
     for p in range(points.size):
         rest, out = solve(law, windows.of(at != p)), windows.of(at == p)
@@ -116,13 +120,30 @@ def calibrate(law: Law, windows: FlowWindows) -> Calibrated:
     determined = points.size > values.size and np.isfinite(values).all()
     covariance = _scatter_of_points(law, windows, values, at) if determined else None
     if not determined:
-        return Calibrated(law, values, None, float("nan"), float("nan"), scatter, windows)
+        return Calibrated(law, values, None, float("nan"), float("nan"), scatter, noise, windows)
     levels = np.array([windows.set_point[at == p][0] for p in range(points.size)])
     by_level = [float(np.mean(np.array(missed)[levels == level])) for level in np.unique(levels)]
     misfit = float(np.sqrt(np.mean(np.square(missed))))
     by_chance = misfit**2 * len(by_level) / points.size
     shared = float(np.sqrt(np.maximum(np.mean(np.square(by_level)) - by_chance, 0.0)))
-    return Calibrated(law, values, covariance, misfit, shared, scatter, windows)
+    return Calibrated(law, values, covariance, misfit, shared, scatter, noise, windows)
+
+
+def _noise(law: Law, windows: FlowWindows, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return standard errors of the coefficients by the scatter of windows about their operating point, shape (k,)."""
+    columns = law.columns(windows)
+    residual = windows.flow - columns @ values
+    about = residual - (np.bincount(at, residual) / np.bincount(at))[at]
+    dof = windows.size - int(at.max()) - 1
+    if dof < 1 or not np.isfinite(values).all():
+        return np.full(values.size, np.nan)
+    return np.asarray(np.sqrt(np.diag(_inverse(columns)) * float(about @ about) / dof))
+
+
+def _inverse(columns: np.ndarray) -> np.ndarray:
+    """Return the inverse of the normal matrix of `columns`, (k, k), scaled while it is inverted."""
+    size = np.sqrt((columns**2).sum(axis=0))
+    return np.asarray(np.linalg.inv((columns / size).T @ (columns / size)) / np.outer(size, size))
 
 
 def _scatter_of_points(law: Law, windows: FlowWindows, values: np.ndarray, at: np.ndarray) -> Covariance:
@@ -131,9 +152,7 @@ def _scatter_of_points(law: Law, windows: FlowWindows, values: np.ndarray, at: n
     columns = np.stack([np.bincount(at, column) / count for column in law.columns(windows).T], axis=-1)
     residual = np.bincount(at, windows.flow) / count - columns @ values
     dof = count.size - values.size
-    size = np.sqrt((columns**2).sum(axis=0))
-    inverse = np.linalg.inv((columns / size).T @ (columns / size)) / np.outer(size, size)
-    matrix = inverse * float(residual @ residual) / dof
+    matrix = _inverse(columns) * float(residual @ residual) / dof
     without = np.array([one.values for one in leave_set_points_out(law, windows)])
     spread = np.zeros(values.size)
     if len(without) > 2:

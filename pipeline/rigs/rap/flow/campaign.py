@@ -64,14 +64,16 @@ def _by_line(runs: Sequence[RunNumbers], windows: FlowWindows) -> tuple[Location
     """Return where the meter sits, and the windows with the blood flow that it stands for; each run by its own line where they differ."""
     stated = {run.run.name: run.run.location for run in runs if run.run.meter is not None}
     lines = set(stated.values())
-    if len(lines) < 2 or "" in lines:
-        location = locate(lines.pop() if len(lines) == 1 else "", windows)
+    if len(lines) < 2:
+        location = locate(lines.pop() if lines else "", windows)
         return location, blood_flow(windows, location.trusted)
     flow = windows.flow.copy()
     for line in lines:
         of_line = np.array([stated.get(str(run)) == line for run in windows.run], dtype=bool)
         flow[of_line] = blood_flow(windows.of(of_line), line).flow
-    return Location(" or ".join(sorted(lines)), float("nan"), float("nan")), replace(windows, flow=flow)
+    silent = tuple(run for run, line in stated.items() if not line)
+    words = " or ".join(sorted(lines - {""}))
+    return Location(words, float("nan"), float("nan"), silent=silent), replace(windows, flow=flow)
 
 
 def _nothing(windows: FlowWindows, fitted: FlowWindows, location: Location) -> str:

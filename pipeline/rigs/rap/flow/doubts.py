@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
+from pipeline.errors import listing
 from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.flow.calibration import Calibrated
+from pipeline.rigs.rap.flow.circuit_changes import changed_circuit, changed_resistances
 from pipeline.rigs.rap.flow.declaration import FlowSettings
 from pipeline.rigs.rap.flow.location import Location
 from pipeline.rigs.rap.flow.results import Campaign
 from pipeline.rigs.rap.flow.windows import FlowWindows
 
-# Resistances beyond that ratio to the calibration's are another circuit.
-_CHANGED = 0.15
 # Both estimators off alike by more than that (share), and by so many standard errors of the calibration.
 _OFF, _SIGMAS = 0.01, 4.0
 # Wear is told over that time at least, s, in blocks of that length, where the whole drift is more than that share.
@@ -27,7 +27,7 @@ def doubts(found: Campaign, settings: FlowSettings) -> list[QualityFinding]:
     rows = _location(found.location) if any(run.run.meter is not None for run in found.runs) else []
     for run in dict.fromkeys(found.windows.run):
         of_run = found.windows.of(found.windows.run == run)
-        apart = _apart(found, of_run, settings)
+        apart = _apart(found, of_run, settings) or changed_circuit(found, of_run)
         rows += apart
         rows += _drift(found, of_run) or ([] if apart else _biased(found, of_run))
     return rows
@@ -54,12 +54,20 @@ def _location(location: Location) -> list[QualityFinding]:
             "condition or the tubing, or log with UF off"
         )
         return [QualityFinding("warning", text, channel="blood_flow_bench")]
+    if location.silent:
+        text = (
+            f"flowmeter_location is not stated for {listing(location.silent, 6)}, and it is mandatory: of these only windows with UF off are held "
+            "against the meter"
+        )
+        return [QualityFinding("warning", text, channel="blood_flow_bench")]
     if not location.stated and location.found and location.switched:
-        text = f"flowmeter_location is not stated (alike in all runs); the logs themselves say {location.found}: {told}. State it"
+        text = (
+            f"flowmeter_location is not stated in any run; the logs themselves say {location.found}: {told}. State it"
+        )
         return [QualityFinding("warning", text, channel="blood_flow_bench")]
     if not location.stated:
         text = (
-            "flowmeter_location is not stated (alike in all runs), and it is mandatory: a meter on the return line reads the blood flow less the UF rate, "
+            "flowmeter_location is not stated in any run, and it is mandatory: a meter on the return line reads the blood flow less the UF rate, "
             "8.3 to 5 % less at 60 to 100 mL/min with 5 mL/min of UF. Only windows with UF off are held against the meter"
         )
         return [QualityFinding("warning", text, channel="blood_flow_bench")]
@@ -103,20 +111,9 @@ def _cause(found: Campaign, of_run: FlowWindows, apart: float) -> str:
             f"E2 is as far as {100 * abs(own):.1f} % from E3 on its own calibration, so that its admittance is no straight line over speeds so far apart, or the circuit "
             "changed between the calibration's settings"
         )
-    flow = found.laws["E3"].flow(of_run)
-    reference = found.calibration
-    usual = found.laws["E3"].flow(reference)
-    ratios = {
-        "filter": _median((of_run.prefilter - of_run.back) / flow)
-        / _median((reference.prefilter - reference.back) / usual),
-        "return line": _median(of_run.back / flow) / _median(reference.back / usual),
-    }
-    changed = [
-        f"that of the {name} is {value:.2f} times" for name, value in ratios.items() if abs(value - 1.0) > _CHANGED
-    ]
-    if changed:
-        return f"resistances differ from those of the calibration, {' and '.join(changed)}: another filter or return line, or clots"
-    if not all(math.isfinite(value) for value in ratios.values()):
+    if changed := changed_resistances(found, of_run):
+        return changed
+    if not np.isfinite(of_run.prefilter - of_run.back).any():
         return "what a pascal of pulsation stands for has changed: air, another filter, or one of the sensors' zeros"
     if apart > 0.0:
         return (
@@ -124,11 +121,6 @@ def _cause(found: Campaign, of_run: FlowWindows, apart: float) -> str:
             "bubble at the transducer"
         )
     return "the pulsation is stronger than the calibration lets expect at the same resistances: less air than in the calibration, or a pressure's zero moved"
-
-
-def _median(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else math.nan
 
 
 def _span(windows: FlowWindows) -> tuple[float, float]:
@@ -162,6 +154,8 @@ def _biased(found: Campaign, of_run: FlowWindows) -> list[QualityFinding]:
         why = f"its tube ({tube}) is another than the calibrated one ({found.tube}), and a stroke of it holds {more(volume)}"
     else:
         why = f"a stroke holds {more(volume)} (tube replaced or worn; state tube_set_id), or the meter's gain changed by as much"
+        if law.law.name == "E2":
+            why += "; E3, which is not there, would tell that from air and another filter"
     text = f"{law.law.name} reads {more(mean)} than the meter throughout the run: {why}. Calibrate each tube"
     return [QualityFinding("note" if known_other else "warning", text, str(of_run.run[0]), None, _span(of_run))]
 

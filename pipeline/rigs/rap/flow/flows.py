@@ -7,8 +7,10 @@ import math
 import numpy as np
 
 from pipeline.rigs.rap.flow.calibration import Calibrated
+from pipeline.rigs.rap.flow.circuit_changes import changed_circuit
 from pipeline.rigs.rap.flow.declaration import FlowSettings
 from pipeline.rigs.rap.flow.results import Campaign, FlowRow
+from pipeline.rigs.rap.flow.sets import other_tube
 from pipeline.rigs.rap.flow.windows import FlowWindows
 
 # The meter contradicts an estimate from so many of its standard errors on, and from that share.
@@ -20,13 +22,15 @@ def flow_rows(found: Campaign, settings: FlowSettings) -> list[FlowRow]:
     rows = []
     for run in dict.fromkeys(found.windows.run):
         of_run = found.windows.of(found.windows.run == run)
+        changed = "".join(finding.message for finding in changed_circuit(found, of_run))
         for level in np.unique(of_run.set_point):
             inside = of_run.of((of_run.set_point == level) | (np.isnan(level) & np.isnan(of_run.set_point)))
-            rows += [_row(found, inside, estimator, settings) for estimator in ("E2", "E3")]
+            rows += [_row(found, inside, "E2", changed, settings), _row(found, inside, "E3", "", settings)]
     return rows
 
 
-def _row(found: Campaign, inside: FlowWindows, estimator: str, settings: FlowSettings) -> FlowRow:
+def _row(found: Campaign, inside: FlowWindows, estimator: str, changed: str, settings: FlowSettings) -> FlowRow:
+    """Return the flow by one estimator; `changed` says why its circuit is not the calibrated one, '' where it is."""
     metered = float(np.nanmean(inside.flow)) if np.isfinite(inside.flow).any() else math.nan
     row = FlowRow(
         str(inside.run[0]),
@@ -48,8 +52,10 @@ def _row(found: Campaign, inside: FlowWindows, estimator: str, settings: FlowSet
         return _without(row, f"the run lacks a pressure that {estimator} needs")
     mean = float(values[known].mean())
     random = _random(law, inside.of(known))
-    doubt, why_not = "", ""
+    tube = _tube_u(found, law, inside.of(known), mean, settings)
+    doubts = [f"its tube was not calibrated: stroke volume uncertain by {100 * settings.tube_u:g} %"] if tube else []
     off = mean / metered - 1.0 if math.isfinite(metered) else math.nan
+    why_not = f"no meter tells the flow, and {changed}" if changed and not math.isfinite(off) else ""
     if (apart := _apart(found, inside)) > settings.disagreement:
         text = f"E2 and E3 are {100 * apart:.1f} % apart"
         if _wrong(found, inside, estimator):
@@ -57,26 +63,27 @@ def _row(found: Campaign, inside: FlowWindows, estimator: str, settings: FlowSet
                 f"{text} and no meter tells which is right; E2 is the one that a changed compliance or filter invalidates"
             )  # fmt: skip
         else:
-            doubt = (
+            doubts += [
                 f"{text}; {'the meter agrees with this one' if math.isfinite(off) else 'no meter tells which is right'}"
-            )
+            ]
             random = math.hypot(random, 0.0 if math.isfinite(off) else apart / 2.0)
-    if math.isfinite(off) and abs(off) > max(_SIGMAS * random, _LEAST):
-        doubt = "; ".join(
-            filter(
-                None,
-                (
-                    doubt,
-                    f"the meter reads {100 * abs(off):.1f} % {'less' if off > 0.0 else 'more'}; that is in the error",
-                ),
-            )
-        )
+    if math.isfinite(off) and abs(off) > max(_SIGMAS * math.hypot(random, tube), _LEAST):
+        doubts += [f"the meter reads {100 * abs(off):.1f} % {'less' if off > 0.0 else 'more'}; that is in the error"]
         random = math.hypot(random, off)
     if why_not:
         return _without(row, why_not)
-    systematic = math.hypot(found.gain_u, found.uf_u)
+    systematic = math.hypot(found.gain_u, found.uf_u, tube)
     dof = law.covariance.dof if law.covariance is not None else math.inf
-    return FlowRow(row.run, row.flow_set, estimator, mean, random, systematic, dof, metered, int(known.sum()), doubt)
+    return FlowRow(
+        row.run, row.flow_set, estimator, mean, random, systematic, dof, metered, int(known.sum()), "; ".join(doubts)
+    )
+
+
+def _tube_u(found: Campaign, law: Calibrated, inside: FlowWindows, flow: float, settings: FlowSettings) -> float:
+    """Return the relative error (type B) of a flow through a tube that was not calibrated: that of its stroke volume; else 0."""
+    if not other_tube(inside, found.tube).any():
+        return 0.0
+    return float(settings.tube_u * law.values[0] * np.mean(inside.f) / flow)
 
 
 def _random(law: Calibrated, inside: FlowWindows) -> float:

@@ -26,12 +26,15 @@ class Location:
         Share of the UF rate that the reading lacks (negative), and its standard error; NaN where no UF was drawn.
     switched
         Whether UF was on and off. If not, `response` is the offset that E3 leaves, which proves less.
+    silent
+        Runs that do not state it while others do.
     """
 
     stated: str
     response: float
     error: float
     switched: bool = False
+    silent: tuple[str, ...] = ()
 
     @property
     def found(self) -> str:

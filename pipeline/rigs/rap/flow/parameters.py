@@ -16,6 +16,8 @@ from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 OWN = "rap"
+# Where noise explains less than that share of an error, the error is the law's misfit.
+_MISFIT = 0.67
 _SCATTER = "linear least squares on windows; scatter of operating points, or spread over left-out set-points where clearly larger"
 _WORDS = {
     "E0": "V f, V from the lowest unclamped set-point", "E1": "V f, V from all calibration windows", "E2": "pulsation",
@@ -73,12 +75,22 @@ def _coefficient(found: Campaign, law: Calibrated, i: int, name: str) -> Estimat
     if name == "stroke_volume_mean" and found.zero_u > 0.0:
         parts[f"zero of the pressures unknown within {found.zero_u:.0f} Pa"] = found.zero_u * float(law.values[1])
     dof = law.covariance.dof
-    words = f"type A {100 * random / abs(value):.2g} %; type B in the error: {', '.join(parts)}"
+    words = f"type A {100 * random / abs(value):.2g} %{_of_what(random, float(law.noise[i]), abs(value))}; type B in the error: {', '.join(parts)}"
     if name == "pump_compliance":
         words += "; carries the gain of the device's pressure sensors in full"
     if name in ("y0", "y1"):
         words += "; holds for this filter, return line and air volume only"
     return _combined(name, value, random, math.hypot(*parts.values()), dof, {}, words)
+
+
+def _of_what(random: float, noise: float, value: float) -> str:
+    """Say that an error of type A is what the law misses between set-points, where the noise of the windows is clearly less."""
+    if not noise < _MISFIT * random:
+        return ""
+    return (
+        f", which is what the law misses between set-points and clamps and not noise (that alone would be {100 * noise / value:.2g} %): it does not shrink "
+        "with longer runs"
+    )
 
 
 def _combined(name: str, value: float, random: float, systematic: float, dof: float, at: dict[str, float | str | bool], words: str) -> Estimate:  # fmt: skip

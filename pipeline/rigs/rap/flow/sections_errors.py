@@ -38,8 +38,8 @@ _ESTIMATORS = {
     "E3": "E3: mean pressures",
 }
 _ROWS = {
-    "E0": "E0, V f from the lowest set-point", "E1": "E1, V f", "E2": "E2, pulsation", "E2 quadratic": "E2 with a term in (f - f₀)²",
-    "E3": "E3, mean pressures", "affine": "a f + b, no pump model", "rap": "the device's own estimate",
+    "E2": "E2, pulsation", "E3": "E3, mean pressures", "rap": "the device's own estimate", "E0": "E0, V f from the lowest set-point", "E1": "E1, V f",
+    "E2 quadratic": "E2 with a term in (f - f₀)²", "affine": "a f + b, no pump model",
 }  # fmt: skip
 
 

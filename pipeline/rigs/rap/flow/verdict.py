@@ -77,7 +77,7 @@ def _against_the_limit(said: Judgement, found: Campaign, settings: FlowSettings)
     limit = f"{100 * settings.error_limit:.2f} %"
     if not held_out and found.laws:
         said.warn(
-            "There is no hold-out run with a meter: how well the estimators predict is told by left-out set-points alone."
+            "No hold-out run has a blood flow of the meter to be held against: how well the estimators predict is told by left-out set-points alone."
         )
     for row in held_out or [row for row in found.errors if row.set == CALIBRATION]:
         if row.estimator not in ("E2", "E3"):
@@ -115,7 +115,7 @@ def _next(said: Judgement, found: Campaign) -> None:
         said.advise(
             "Put a flow meter into the circuit and log it as blood_flow_bench: only it can calibrate the estimators."
         )
-    elif not found.location.stated:
+    elif found.location.silent or not found.location.stated:
         said.advise(
             "State flowmeter_location (access or return) in every run: without it a flow error of 5 to 8 % cannot be told from ultrafiltration."
         )
