@@ -61,6 +61,28 @@ def test_a_key_pressed_on_a_tank_that_keeps_some_is_not_believed():
     assert told.problems == ()
 
 
+def test_a_small_drain_that_takes_a_while_is_seen_without_the_key():
+    run = tank_run(V0=0.5e-3, minutes=60, wild=0.05)
+    slowly = 80e-6 * np.clip((run.t - 1790.0) / 15.0, 0.0, 1.0) / run.tank.area
+    heard = run.signals["distance"].values > 0.0
+    run.signals["distance"] = Signal("uf_level_distance", run.t, run.signals["distance"].values + heard * slowly)
+    found = run.course()
+    assert [s.cause for s in found.segments] == ["emptied without the key", "end of the run"]
+    assert mean_gain(found, run.command).gain.value == pytest.approx(0.97, abs=0.03)
+
+
+def test_foam_is_no_work_of_the_pump():
+    run = tank_run(V0=0.5e-3, minutes=80)
+    jump = np.where(run.t > 2000.0, 15e-3, 0.0)
+    run.signals["distance"] = Signal("uf_level_distance", run.t, run.signals["distance"].values - jump)
+    found = run.course()
+    assert "taken up anew" in found.problems[0].message
+    assert abs(found.total - removed(run)) < 3.0 * found.total_sd
+    told = mean_gain(found, run.command)
+    assert abs(told.gain.value - 0.97) < 2.5 * told.gain.std_error
+    assert told.problems == ()
+
+
 def test_ordinary_runs_and_wild_echoes_show_no_emptying():
     for seed in range(20):
         run = tank_run(seed, minutes=40, wild=0.1)
@@ -71,4 +93,6 @@ def test_presses_are_edges_and_rows_of_events_once():
     t = np.arange(100.0)
     key = Signal("drain_pressed", t, ((t >= 20.0) & (t < 23.0)) * 1.0)
     assert drain_times(key, [21.0, 60.0]) == [20.0, 60.0]
+    listed = Signal("drain_pressed", np.array([1795.0, 3795.0]), np.ones(2))
+    assert drain_times(listed) == [1795.0, 3795.0]
     assert drain_times(None) == []

@@ -105,3 +105,10 @@ def test_the_air_is_the_benchs_where_there_is_one():
     alone = air_temperature(device(1), None)
     assert alone.sd > best.sd
     assert air_temperature(None, None) is None
+
+
+def test_the_air_stays_at_the_samples_where_the_end_value_is_not_told():
+    times = np.arange(0.0, 800.0, 60.0)
+    for seed in range(30):
+        air = air_temperature(None, bench(seed, times=times))
+        assert np.allclose(air.at(times), housing_temperature(times, *TRUTH), atol=0.3)

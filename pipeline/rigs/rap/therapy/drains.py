@@ -15,9 +15,12 @@ from pipeline.rigs.rap.therapy.levels import Levels
 
 LEAST_DROP = 50e-6
 """Fall of the volume that means that the tank was emptied, m^3 (in less than a minute)."""
+_AFTER_KEY_DROP = 20e-6
 _WITHIN = 60.0
 _AFTER_KEY = 600.0
-_COUNT = 11
+# Rows of a key that is held follow each other faster than that, s.
+_HELD = 5.0
+_COUNT, _BETWEEN = 11, 34
 _LASTING = 61
 
 
@@ -32,13 +35,18 @@ class Emptying:
 
 
 def drain_times(pressed: Signal | None, events: Sequence[float] = ()) -> list[float]:
-    """Return when the drain key was pressed, s: edges of `drain_pressed` and rows of the events, those within 5 s once."""
+    """Return when the drain key was pressed, s: edges of `drain_pressed` and rows of the events, those within 5 s once.
+
+    A list of events that holds presses alone has no edges: each of its rows is a press.
+    """
     found = list(events)
     if pressed is not None:
         on = pressed.values > 0.5
-        found += pressed.time[on & ~np.concatenate([[False], on[:-1]])].tolist()
+        apart = np.diff(pressed.time, prepend=-np.inf) > _HELD
+        lists = on.all() and bool(apart.all())
+        found += pressed.time[on if lists else on & ~np.concatenate([[False], on[:-1]])].tolist()
     found.sort()
-    return [t for i, t in enumerate(found) if i == 0 or t - found[i - 1] > 5.0]
+    return [t for i, t in enumerate(found) if i == 0 or t - found[i - 1] > _HELD]
 
 
 def emptied(
@@ -53,12 +61,15 @@ def emptied(
     pumped = command.volume(np.array(pressed, dtype=float)) if len(pressed) else np.zeros(0)
     early = [t for t, v in zip(pressed, pumped, strict=True) if t <= begin + 1.0 or v < 2e-6]
     keys = [t for t in pressed if t not in early]
-    falls = _falls(levels, tank, command)
+    falls = _falls(levels, tank, command, LEAST_DROP)
+    # A key says what to look for: less of a fall will do.
+    smaller = _falls(levels, tank, command, _AFTER_KEY_DROP) if keys else []
     out, problems = [], []
     for key in keys:
         own = [f for f in falls if key - _WITHIN <= f.time <= key + _AFTER_KEY]
         falls = [f for f in falls if f not in own]
-        seen = own[0] if own else Emptying(key, (key, key), float("nan"), True)
+        own = own or [f for f in smaller if key - _WITHIN <= f.time <= key + _AFTER_KEY]
+        seen = max(own, key=lambda f: f.drop) if own else Emptying(key, (key, key), float("nan"), True)
         out.append(Emptying(max(seen.time, key), seen.span, seen.drop, True))
     for fall in falls:
         out.append(fall)
@@ -71,35 +82,35 @@ def emptied(
     return tuple(out), bool(early), tuple(problems)
 
 
-def _falls(levels: Levels, tank: Tank, command: Command) -> list[Emptying]:
-    """Return falls of more than 50 mL between neighbouring groups of levels, what was pumped taken off."""
+def _falls(levels: Levels, tank: Tank, command: Command, least: float) -> list[Emptying]:
+    """Return falls of more than `least` (m^3) between groups of levels half a minute apart, what was pumped taken off."""
     good = np.flatnonzero(levels.usable)
-    if good.size < 2 * _COUNT:
+    lag = _COUNT + _BETWEEN
+    if good.size < _COUNT + lag:
         return []
     time = levels.time[good]
     rest = levels.level[good] * tank.area - command.volume(time)
     from numpy.lib.stride_tricks import sliding_window_view
 
     medians = np.median(sliding_window_view(rest, _COUNT), axis=1)
-    # medians[i] looks at i .. i + _COUNT - 1: before and after the step between i + _COUNT - 1 and i + _COUNT.
-    drop = medians[:-_COUNT] - medians[_COUNT:]
-    moving = np.where(levels.moving[good[_COUNT - 1 : -_COUNT]], 2.0, 1.0)
+    # medians[i] looks at i .. i + _COUNT - 1: the fall lies between the last of one group and the first of the other.
+    drop = medians[:-lag] - medians[lag:]
+    last, first = np.arange(drop.size) + _COUNT - 1, np.arange(drop.size) + lag
+    moving = np.where(levels.moving[good[last]], 2.0, 1.0)
     # The pump's gain may be a few per cent off over a long gap.
-    gap = time[_COUNT:][: drop.size] - time[_COUNT - 1 :][: drop.size]
-    doubt = 0.2 * command.at(time[_COUNT - 1 :][: drop.size]) * gap
-    found = drop > LEAST_DROP * moving + doubt
+    doubt = 0.2 * command.at(time[last]) * (time[first] - time[last])
+    found = drop > least * moving + doubt
     out: list[Emptying] = []
     edges = np.flatnonzero(np.diff(np.concatenate([[False], found, [False]]).astype(int)))
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        best = first + int(np.argmax(drop[first:last]))
-        before, after = best + _COUNT - 1, best + _COUNT
-        # The fall itself lies where neighbours differ most.
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        best = begin + int(np.argmax(drop[begin:end]))
+        before, after = best + _COUNT - 1, best + lag
         near = np.arange(max(before - _COUNT + 1, 0), min(after + _COUNT - 1, time.size - 1))
-        step = near[int(np.argmax(rest[near] - rest[near + 1]))] if near.size else before
+        step = _parting(rest, near) if near.size else before
         # Waves and walking fake a fall for seconds, not for a minute.
         before_it, after_it = rest[max(step - _LASTING, 0) : step + 1], rest[step + 1 : step + 1 + _LASTING]
         lasting = float(np.median(before_it) - np.median(after_it))
-        if lasting > LEAST_DROP:
+        if lasting > least:
             # It may take the better part of a minute: from the last level before it to the first after it.
             high, low = float(np.median(before_it)), float(np.median(after_it))
             near = np.arange(max(step - _LASTING, 0), min(step + 1 + _LASTING, time.size))
@@ -112,3 +123,14 @@ def _falls(levels: Levels, tank: Tank, command: Command) -> list[Emptying]:
             t1 = min(t1, float(time[step]) + _WITHIN)
             out.append(Emptying(t1, (t0, t1), lasting, False))
     return out
+
+
+def _parting(rest: np.ndarray, near: np.ndarray) -> int:
+    """Return after which of the `near` places (k,) the levels part best into a high and a low side; wild ones count little."""
+
+    def left(step: int) -> float:
+        sides = rest[max(step - _LASTING, 0) : step + 1], rest[step + 1 : step + 1 + _LASTING]
+        spread = np.concatenate([np.abs(side - np.median(side)) for side in sides])
+        return float(np.minimum(spread, LEAST_DROP).mean())
+
+    return int(min(near, key=left))

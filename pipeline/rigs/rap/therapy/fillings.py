@@ -18,7 +18,7 @@ _SOON, _ENOUGH, _DOUBTS = 60, 15, 4.0
 
 @dataclass(frozen=True)
 class Segment:
-    """A filling of the tank, from `begin` to `end` (s), closed by `cause` (drain, emptied, end of the run).
+    """A filling of the tank, from `begin` to `end` (s), closed by `cause` (drain, emptied, taken up anew, end of the run).
 
     `known_empty`: a drain key says that it began empty. Volumes at either end (m^3) with the standard error of their difference; `first_echo` (s), None without any.
     """

@@ -152,7 +152,13 @@ def _levels(course: TankCourse, edges: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """Return by bin: mean level and its covariance (litres), mean moment of the echoes, whether there were any."""
     m = edges.size - 1
     used = np.isfinite(course.measured_volume) & ~course.gated
-    member = np.clip(np.searchsorted(edges, course.time[used], side="right") - 1, 0, m - 1)
+    bins = np.clip(np.searchsorted(edges, course.time, side="right") - 1, 0, m - 1)
+    # Where a filling ends within a bin, the one with more levels counts.
+    fillings = len(course.segments)
+    filling = np.minimum(np.searchsorted([s.end for s in course.segments], course.time), fillings - 1)
+    counts = np.bincount(bins[used] * fillings + filling[used], minlength=m * fillings).reshape(m, fillings)
+    used &= filling == counts.argmax(axis=1)[bins]
+    member = bins[used]
     count = np.bincount(member, minlength=m)
     seen = count > 0
     n = np.maximum(count, 1)

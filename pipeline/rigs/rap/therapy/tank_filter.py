@@ -5,6 +5,7 @@ Filtered values use the past only, as the device could; smoothed ones back-fill 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -154,10 +155,16 @@ def track_volume(
     gated = np.concatenate([made.gated | np.isnan(made.innovation) for _, made in courses]) & np.isfinite(height)
     used = np.isfinite(height) & ~gated
     echoes = np.flatnonzero(used)
-    segments = tuple(
-        segment(time, a, b, later[a:b, 0] * LITRE, later_P[a:b], widening, used[a:b], cause, is_empty)
-        for (a, b, is_empty), cause in zip(spans, causes(emptied, len(spans)), strict=True)
-    )
+    segments = []
+    for (_, made), (a, b, is_empty), cause in zip(courses, spans, causes(emptied, len(spans)), strict=True):
+        anew = [a + int(i) for i in np.flatnonzero(made.extra > 0.0)]
+        for begin, end in itertools.pairwise([a, *anew, b]):
+            told_by = cause if end == b else "taken up anew"
+            known_empty = is_empty and begin == a
+            volumes = later[begin:end, 0] * LITRE
+            segments.append(
+                segment(time, begin, end, volumes, later_P[begin:end], widening, used[begin:end], told_by, known_empty)
+            )
     final_sd = math.hypot(widening * LITRE * math.sqrt(max(covariances[-1, 0, 0], 0.0)), common[-1])
     total = sum(s.gained for s in segments)
     total_sd = math.sqrt(sum(s.gained_sd**2 for s in segments))
@@ -178,7 +185,7 @@ def track_volume(
         common_sd=common,
         echo_variance=levels.variance * factor * tank.area**2,
         driving=driving,
-        segments=segments,
+        segments=tuple(segments),
         first_echo=float(time[echoes[0]]) if echoes.size else None,
         last_echo=float(time[echoes[-1]]) if echoes.size else None,
         final=estimate("uf_volume_final", float(states[-1, 0]) * LITRE, final_sd),
