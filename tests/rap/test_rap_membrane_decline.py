@@ -131,3 +131,15 @@ def test_without_a_level_the_command_is_taken_to_fifteen_per_cent():
     run = tank_run(1, minutes=150)
     found = decline(transmembrane(*pressures(run), zero_spans=[(0.0, 60.0)], gains={"uf": 1.0}), None, run.command)
     assert found.initial.std_error / found.initial.value == pytest.approx(0.15, rel=0.1)
+
+
+def test_a_rate_that_may_be_off_is_in_the_error_of_k_0_and_one_that_changes_in_that_of_the_decline():
+    run = tank_run(3, minutes=200)
+    ends = np.array([0.0, 12000.0])
+    plain, off, changing = (
+        membrane(run, rate_error=error) for error in (None, (ends, np.full(2, 0.1)), (ends, np.array([0.0, 0.1])))
+    )
+    assert off.initial.std_error == pytest.approx(np.hypot(plain.initial.std_error, 0.1 * K_0), rel=0.02)
+    assert off.decline.std_error == pytest.approx(plain.decline.std_error, rel=0.2)
+    # 10 % more of a rate within 200 min are a change of about 15 % in 5 h.
+    assert changing.decline.std_error > 0.12

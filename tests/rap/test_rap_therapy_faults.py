@@ -171,6 +171,42 @@ def test_ultrafiltration_without_circulation_is_a_stop_condition() -> None:
     assert findings.verdict == "warning"
 
 
+def test_what_level_and_scale_disagree_by_is_in_the_errors_of_what_rests_on_the_level() -> None:
+    run = altered(short(), tables=("device_status", "device_temperature", "bench_temperature", "scale"))
+    clock, known = run.streams["scale"].time, found(run)
+    drift = 20e-3 * (clock - clock[0]) / 600.0
+    findings = found(altered(run, lambda k, v: v + drift if k == "uf_mass_scale" else v))
+    for name in ("uf_volume_final", "uf_pump_gain"):
+        told, before = findings.one(name), known.one(name)
+        assert told.value == pytest.approx(before.value, rel=1e-9)
+        assert told.std_error is not None
+        assert before.std_error is not None
+        assert told.std_error > 3.0 * before.std_error
+        assert "level and scale disagree" in told.description
+        assert "disagree" not in before.description
+    assert "one of them is wrong" in said(findings)
+    assert "Calibrate the pump" not in said(findings)
+
+
+def test_battery_that_reads_nothing_is_no_battery_that_gave_nothing() -> None:
+    run = altered(short(), lambda k, v: v * 0.0 if k == "battery_voltage" else v, tables=("device_status",))
+    by_gauge = found(run).one("energy_used")
+    assert by_gauge.value == pytest.approx(
+        found(altered(short(), tables=("device_status",))).one("energy_used").value, rel=0.1
+    )
+    assert "battery_level" in by_gauge.method
+    findings = found(altered(run, drop=("battery_level",)))
+    assert findings.one("energy_used").value is None
+    assert "reads 0 throughout" in findings.one("energy_used").description
+
+
+def test_part_that_a_run_cannot_tell_is_warned_of_though_another_run_tells_it() -> None:
+    run = altered(short(), tables=("device_status",))
+    findings = found(run, replace(altered(run, conditions={"tank_lx": None}), run="no_tank"))
+    assert findings.one("uf_volume_final", run="rap_therapy_312").value is not None
+    assert any("no_tank" in reason and "uf_volume_final" in reason for reason in findings.reasons)
+
+
 def test_weak_pump_without_regulation_is_told_against_the_scale() -> None:
     findings = found(made(pump_gain=0.85, closed_loop=False))
     assert "UF pump gain" in said(findings)

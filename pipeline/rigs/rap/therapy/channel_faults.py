@@ -35,6 +35,9 @@ _UNITS = ((1e3, "1000"), (1e-3, "1/1000"), (1e2, "100"), (1e-2, "1/100"), (10.0,
 _SHARE = 1.5
 # Less than that of an accelerometer at rest is no gravity in any unit, m/s^2.
 _STILL = 0.3
+_SILENT = (
+    "{} reads 0 throughout: not connected, or not logged. It is not used; look at its cable and its place in the log."
+)
 
 
 @dataclass(frozen=True)
@@ -97,6 +100,9 @@ def _temperatures(recording: Recording) -> Iterator[ChannelFault]:
             continue
         usual = float(np.median(one.values))
         if _AIR[0] < usual < _AIR[1]:
+            continue
+        if not one.values.any():
+            yield ChannelFault(name, _SILENT.format(name))
             continue
         unit = next(
             (word for (low, high), word in ((_CELSIUS, "degC"), (_FAHRENHEIT, "degF")) if low < usual < high), ""
@@ -262,6 +268,9 @@ def _slope_over_asked(recording: Recording, one: Signal) -> float | None:
 
 
 def _battery(recording: Recording) -> Iterator[ChannelFault]:
+    voltage = signal(recording, "battery_voltage")
+    if voltage is not None and not voltage.values.any():
+        yield ChannelFault(voltage.name, _SILENT.format(voltage.name))
     level = signal(recording, "battery_level")
     if level is not None and float(np.median(level.values)) > _SHARE:
         yield ChannelFault(

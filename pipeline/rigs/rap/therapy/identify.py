@@ -14,7 +14,7 @@ from pipeline.rigs.rap.therapy.faults import examined
 from pipeline.rigs.rap.therapy.outcome.arrays import Tables
 from pipeline.rigs.rap.therapy.outcome.checks import Check, checks_of
 from pipeline.rigs.rap.therapy.outcome.paper import paper_alone
-from pipeline.rigs.rap.therapy.outcome.parameters import in_order, parameters_of
+from pipeline.rigs.rap.therapy.outcome.parameters import in_order, parameters_of, untold_by
 from pipeline.rigs.rap.therapy.outcome.published import published_of
 from pipeline.rigs.rap.therapy.outcome.verdict import judge
 from pipeline.rigs.rap.therapy.record import PARTS
@@ -31,6 +31,7 @@ class _Campaign:
     published: list[Published] = field(default_factory=list)
     quality: list[QualityFinding] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
+    untold: set[tuple[str, str]] = field(default_factory=set)
 
 
 def identify(recordings: Sequence[Recording], settings: TherapySettings, context: Context) -> Findings:
@@ -49,7 +50,7 @@ def identify(recordings: Sequence[Recording], settings: TherapySettings, context
         raise InputError(_nothing_usable(campaign.left_out, context))
     quality = list(dict.fromkeys(campaign.quality))
     parameters = in_order(campaign.parameters)
-    said = judge(campaign.checks, parameters, campaign.left_out, quality)
+    said = judge(campaign.checks, parameters, campaign.left_out, quality, campaign.untold)
     return Findings(
         campaign=context.campaign,
         experiment="rap.therapy",
@@ -83,12 +84,13 @@ def _take(recording: Recording, settings: TherapySettings, campaign: _Campaign) 
     run = numbers_of(record, settings)
     campaign.quality += [*found, *run.findings]
     parameters = parameters_of(run)
-    if not run.anything and not any(one.value is not None for one in parameters):
+    if not any(run.tells.values()) and not any(one.value is not None for one in parameters):
         reasons = [*(q.message for q in found if q.level == "error"), *run.reasons.values()]
         campaign.left_out[recording.run] = reasons[0] if reasons else "it gives no number"
         campaign.quality.append(QualityFinding("error", f"left out: {campaign.left_out[recording.run]}", recording.run))
         return
     checks = checks_of(run, settings)
+    campaign.untold |= {(run.run, name) for name in untold_by(run)}
     campaign.parameters += parameters
     campaign.checks += checks
     campaign.published += published_of(run)

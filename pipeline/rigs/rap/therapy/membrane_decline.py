@@ -7,6 +7,7 @@ blocks of 40 min, corrected for what few blocks and two fitted numbers hide.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,6 +87,7 @@ def decline(
     t_ref: float = T_REF,
     block: float = BLOCK,
     fluid_temperature: tuple[np.ndarray, np.ndarray] | None = None,
+    rate_error: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Decline:
     """Fit K_0 and a to 60 s values of rate over transmembrane pressure.
 
@@ -97,6 +99,8 @@ def decline(
         Where t = 0 of the decline is, s; by default when the ultrafiltrate pump starts.
     fluid_temperature
         Moments (s) and temperatures (K) of the fluid; K is then that at its mean temperature (viscosity).
+    rate_error
+        Moments (s) and what the rate may be off there, as a share (type B).
 
     Raises
     ------
@@ -121,7 +125,12 @@ def decline(
     r = 1.0 / k[used]
     shape = np.outer(r, r) * errors[np.ix_(used, used)] + np.diag((r * pressure.scatter[used] / tmp[used]) ** 2)
     notes = _notes(fluid_temperature is not None, osmotic, pressure)
-    common = pressure.offset_u / tmp[used] * r, pressure.gain_u * r
+    common = [pressure.offset_u / tmp[used] * r, pressure.gain_u * r]
+    if rate_error is not None:
+        common.append(np.interp(time[used], *rate_error) * r)
+        notes += (
+            f"; a rate that may be {100 * float(np.abs(rate_error[1]).max()):.1f} % off (type B, in the standard error)"
+        )
     long_enough = float(np.ptp(time[used])) >= _LEAST_BLOCKS * block
     line = _line(t[used], r, shape, common, max(round(block / pressure.bin), 2))
     initial, slope = line.estimates(notes)
@@ -243,7 +252,7 @@ def _jacobian(c: np.ndarray) -> np.ndarray:
     return np.array([[-1.0 / c[0] ** 2, 0.0], [-c[1] / c[0] ** 2, 1.0 / c[0]]])
 
 
-def _line(t: np.ndarray, r: np.ndarray, shape: np.ndarray, common: tuple[np.ndarray, np.ndarray], length: int) -> _Line:
+def _line(t: np.ndarray, r: np.ndarray, shape: np.ndarray, common: Sequence[np.ndarray], length: int) -> _Line:
     """Fit the line."""
     X = np.stack([np.ones(t.size), t], axis=1)
     H = np.linalg.pinv(X)

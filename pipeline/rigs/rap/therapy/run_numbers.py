@@ -62,19 +62,17 @@ class RunNumbers:
         return self.record.run
 
     @property
-    def anything(self) -> bool:
-        """Tell whether the run gives any number."""
-        volume = self.volume
-        return bool(
-            self.temperatures
-            or self.membrane
-            or self.battery
-            or (
-                self.alarms is not None
-                and (not self.alarms.undetermined or self.alarms.alarms or self.alarms.redundancy)
-            )
-            or (volume is not None and volume.course is not None)
-        )
+    def tells(self) -> Mapping[str, bool]:
+        """Tell of each part whether the run gives anything of it."""
+        volume, alarms = self.volume, self.alarms
+        return {
+            TEMPERATURE: bool(self.temperatures),
+            VOLUME: volume is not None and volume.course is not None,
+            MEMBRANE: self.membrane is not None and self.membrane.initial.determined,
+            BATTERY: self.battery is not None,
+            ALARMS: alarms is not None and (not alarms.undetermined or bool(alarms.alarms)),
+            REDUNDANCY: alarms is not None and bool(alarms.redundancy),
+        }
 
 
 def numbers_of(record: Record, settings: TherapySettings, clocks: bool = True) -> RunNumbers:
@@ -216,8 +214,13 @@ def _membrane(found: RunNumbers) -> None:
         if command is None:
             command = command_of(record.signal("uf_pump_command"), record.signal("uf_flow_set"), stopped=stops(record))
         posterior = volume.gain.posterior if volume is not None and volume.gain is not None else None
+        apart = volume.disagreement if volume is not None else None
         found.membrane = decline(
-            found.transmembrane, posterior, command, fluid=str(record.conditions.get("fluid", "saline"))
+            found.transmembrane,
+            posterior,
+            command,
+            fluid=str(record.conditions.get("fluid", "saline")),
+            rate_error=(apart.time, apart.share) if apart is not None else None,
         )
     except InputError as error:
         found.reasons[MEMBRANE] = str(error)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.circuit.tank import Tank
 from pipeline.rigs.rap.tables import Signal, entries
 from pipeline.rigs.rap.therapy.command import Command, command_of
+from pipeline.rigs.rap.therapy.disagreement import Disagreement, disagreement
 from pipeline.rigs.rap.therapy.drains import Emptying, drain_times, emptied
 from pipeline.rigs.rap.therapy.levels import Levels, level_course, tank_of
 from pipeline.rigs.rap.therapy.outcome.thinning import spans
@@ -62,6 +64,11 @@ class VolumeNumbers:
     reasons: dict[str, str] = field(default_factory=dict)
     problems: tuple[QualityFinding, ...] = ()
 
+    @cached_property
+    def disagreement(self) -> Disagreement | None:
+        """What level and scale disagree by beyond their errors; None where they agree or there is no scale."""
+        return disagreement(self.error) if self.error is not None else None
+
     @property
     def final_share(self) -> float:
         """Final error over what was removed in the run; NaN where there is no scale."""
@@ -78,14 +85,15 @@ class _Steps:
         self.problems: list[QualityFinding] = []
         self.reasons: dict[str, str] = {}
 
-    def done(self, name: str, step: Callable[[], Result]) -> Result | None:
-        """Do a step and keep its problems; None, with the reason under `name`, where it cannot be done."""
+    def done(self, name: str, step: Callable[[], Result], told: bool = False) -> Result | None:
+        """Do a step and keep its problems, as notes where they are `told` already; None, with the reason under `name`, where it cannot be done."""
         try:
             result = step()
         except InputError as error:
             self.reasons[name] = str(error)
             return None
-        self.problems += getattr(result, "problems", ())
+        problems = getattr(result, "problems", ())
+        self.problems += [replace(one, level="note") for one in problems] if told else problems
         return result
 
 
@@ -249,5 +257,6 @@ def _weighed(record: Record, found: VolumeNumbers, set_rate: float | None, steps
                 emptied=drained,
                 set_rate=set_rate,
             ),
+            told=error is not None and bool(error.problems),
         )
     return replace(found, error=error, device_error=device)

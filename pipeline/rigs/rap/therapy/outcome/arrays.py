@@ -45,12 +45,7 @@ class Tables:
 
 def _parts(run: RunNumbers) -> Rows:
     """Say for each part what the run tells of it."""
-    volume, alarms, asked = run.volume, run.alarms, run.record.asked
-    told = {
-        TEMPERATURE: bool(run.temperatures), VOLUME: volume is not None and volume.course is not None,
-        MEMBRANE: run.membrane is not None and run.membrane.initial.determined, BATTERY: run.battery is not None,
-        ALARMS: alarms is not None and not alarms.undetermined, REDUNDANCY: alarms is not None and bool(alarms.redundancy),
-    }  # fmt: skip
+    volume, asked, told = run.volume, run.record.asked, run.tells
     reasons = {
         TEMPERATURE: run.reasons.get("temperature error", ""),
         VOLUME: next((r for r in volume.reasons.values()), "") if volume else "",

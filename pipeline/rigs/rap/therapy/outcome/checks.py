@@ -79,16 +79,18 @@ def _volume(run: RunNumbers, settings: TherapySettings) -> Iterator[Check]:
 
 def _rate(run: RunNumbers, settings: TherapySettings) -> Iterator[Check]:
     ratio = run.volume.error.rate_ratio if run.volume and run.volume.error else None
-    if ratio is None or ratio.value is None:
+    if run.volume is None or ratio is None or ratio.value is None:
         return
-    off = ratio.value - 1.0
+    apart = run.volume.disagreement
+    off = float(ratio.value or 1.0) - 1.0
     word, mood = _within(abs(off), ratio.std_error or 0.0, settings.rate_tolerance)
     found = f"{100 * off:+.2f} %"
     yield Check(
         run.run, "ultrafiltration rate, scale over set", found, f"within {100 * settings.rate_tolerance:g} %", word,
         "warning" if mood == "rejected" else mood,
         f"The scale gains {found} against the set ultrafiltration rate: {_placed(word)} the tolerance of {100 * settings.rate_tolerance:g} %"
-        + ("." if mood == "ok" else f"; ultrafiltrate pump gain {ratio.value:.3f}."),
+        + ("." if mood == "ok" or apart else f"; ultrafiltrate pump gain {ratio.value:.3f}.")
+        + (f" The level does not say the same ({100 * apart.mean_share:+.1f} % to the scale)." if apart and mood != "ok" else ""),
     )  # fmt: skip
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.findings import Parameter
 from pipeline.findings.findings import OperatingPoint
 from pipeline.rigs.rap.therapy.declaration import PARAMETERS
+from pipeline.rigs.rap.therapy.disagreement import widened
 from pipeline.rigs.rap.therapy.record import ALARMS, BATTERY, MEMBRANE, REDUNDANCY, TEMPERATURE, VOLUME
 from pipeline.rigs.rap.therapy.run_numbers import RunNumbers
 from pipeline.rigs.rap.therapy.volume_numbers import VolumeNumbers
@@ -33,8 +34,8 @@ _METHODS = {
 }
 
 
-def parameter(found: Estimate, at: OperatingPoint, description: str = "") -> Parameter:
-    """Return an estimate as a parameter of the findings."""
+def parameter(found: Estimate, at: OperatingPoint, description: str = "", method: str = "") -> Parameter:
+    """Return an estimate as a parameter of the findings; `method` where it is not the usual one."""
     spec = _SPECS[found.name]
     determined = found.value is not None and math.isfinite(found.value)
     told = spec.description if determined else f"not determined: {found.reason or 'the data do not tell it'}"
@@ -45,7 +46,7 @@ def parameter(found: Estimate, at: OperatingPoint, description: str = "") -> Par
         name=found.name, symbol=spec.symbol, value=found.value if determined else None,
         std_error=found.std_error if known else None, ci95=interval, unit=spec.unit, at=at,
         description="; ".join(part for part in (told, remark, description) if part), source=spec.source,
-        method=_METHODS[found.name] if determined else "",
+        method=(method or _METHODS[found.name]) if determined else "",
     )  # fmt: skip
 
 
@@ -57,12 +58,20 @@ def in_order(parameters: Sequence[Parameter]) -> list[Parameter]:
 
 def parameters_of(run: RunNumbers) -> list[Parameter]:
     """Return the parameters of a run: what its channels ask for, null with the reason where the data do not tell it."""
-    asked = run.record.asked
-    parts = (
+    return [one for part, numbers in _parts() if part in run.record.asked for one in numbers(run)]
+
+
+def untold_by(run: RunNumbers) -> set[str]:
+    """Return the names of the parameters of those parts that a run has channels for and tells nothing of."""
+    silent = [numbers for part, numbers in _parts() if part in run.record.asked and not run.tells[part]]
+    return {one.name for numbers in silent for one in numbers(run)}
+
+
+def _parts() -> Sequence[tuple[str, Callable[[RunNumbers], list[Parameter]]]]:
+    return (
         (TEMPERATURE, _temperature), (VOLUME, _volume), (MEMBRANE, _membrane), (BATTERY, _battery), (ALARMS, _alarms),
         (REDUNDANCY, _mismatches),
     )  # fmt: skip
-    return [one for part, numbers in parts if part in asked for one in numbers(run)]
 
 
 def _temperature(run: RunNumbers) -> list[Parameter]:
@@ -92,6 +101,11 @@ def _volume(run: RunNumbers) -> list[Parameter]:
     rms = volume.error.rms if volume.error else undetermined("uf_volume_error_rms", no_scale)
     final = _final(volume) if volume.course else undetermined("uf_volume_final", no_course)
     gain = volume.gain.gain if volume.gain else undetermined("uf_pump_gain", volume.reasons.get("gain") or no_course)
+    apart = volume.disagreement
+    if apart is not None:
+        remark = f"level and scale disagree by {1e6 * apart.final:+.1f} mL at the end, {100 * apart.mean_share:+.1f} % in the rate: in the standard error"
+        final = widened(final, abs(apart.final), remark)
+        gain = widened(gain, abs(apart.mean_share) * (gain.value or 0.0), remark)
     return [parameter(one, at) for one in (rms, final, gain)]
 
 
@@ -120,12 +134,13 @@ def _membrane(run: RunNumbers) -> list[Parameter]:
 
 def _battery(run: RunNumbers) -> list[Parameter]:
     found, reason = run.battery, run.reasons.get(BATTERY, "")
+    method = "fall of battery_level times battery_energy" if found is not None and found.source == "level" else ""
     estimates = (
         (found.used, found.runtime)
         if found
         else (undetermined("energy_used", reason), undetermined("runtime_projected", reason))
     )
-    return [parameter(one, {"run": run.run}) for one in estimates]
+    return [parameter(one, {"run": run.run}, method=method) for one in estimates]
 
 
 def _alarms(run: RunNumbers) -> list[Parameter]:

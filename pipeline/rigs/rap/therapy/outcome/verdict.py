@@ -8,7 +8,7 @@ ok        none of these.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from pipeline.errors import counted, listing
 from pipeline.findings import Parameter
@@ -32,8 +32,9 @@ def judge(
     parameters: Sequence[Parameter],
     left_out: Mapping[str, str],
     quality: Sequence[QualityFinding],
+    untold: Collection[tuple[str, str]] = (),
 ) -> Judgement:
-    """Weigh what was found."""
+    """Weigh what was found; `untold` are runs and names of parameters of which the run should tell something and tells nothing."""
     said = Judgement()
     determined = [one for one in parameters if one.value is not None]
     if not determined and not any(check.mood == "ok" for check in checks):
@@ -46,7 +47,7 @@ def judge(
             said.warn(sentence)
         elif check.mood == "unsaid":
             said.reasons.append(sentence)
-    _missing(said, parameters)
+    _missing(said, parameters, untold)
     for run, reason in list(left_out.items())[:_TOLD]:
         said.warn(f"Run {run} is left out: {_ended(reason)}")
     if len(left_out) > _TOLD:
@@ -69,12 +70,16 @@ def judge(
     return said
 
 
-def _missing(said: Judgement, parameters: Sequence[Parameter]) -> None:
-    """Warn of numbers that the channels ask for and no run gives, those of one reason together."""
+def _missing(said: Judgement, parameters: Sequence[Parameter], untold: Collection[tuple[str, str]]) -> None:
+    """Warn of numbers that the channels ask for and no run gives, those of one reason together.
+
+    A run may be too short for what another one gives; of a part that it tells nothing of at all it is warned.
+    """
     by: dict[tuple[str, str], list[str]] = {}
     told = {(one.name, one.at.get("source")) for one in parameters if one.value is not None}
     for one in parameters:
-        if one.value is None and (one.name, one.at.get("source")) not in told:
+        missed = (one.name, one.at.get("source")) not in told or (one.at.get("run"), one.name) in untold
+        if one.value is None and missed:
             name = f"{one.name} ({one.at['source']})" if "source" in one.at else one.name
             by.setdefault((str(one.at.get("run", "")), one.description), []).append(name)
     for (run, description), names in list(by.items())[: 2 * _TOLD]:
