@@ -1,5 +1,6 @@
 # make reports   set up, synthesise the examples, run the pipeline
 # make test      set up, check style and types, run the tests
+# make test-thorough  the same with the tests that take seconds each
 # make benchmark set up, print the ratios of docs/performance.md
 PYTHON ?= python3
 VENV := .venv
@@ -7,7 +8,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: the matrices are small, and two threads on two busy cores are slower than one.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: reports test tests lint benchmark coverage-study schema setup clean
+.PHONY: reports test tests test-thorough lint benchmark coverage-study schema setup clean
 .DEFAULT_GOAL := reports
 
 $(VENV)/ready: requirements.txt pyproject.toml
@@ -34,6 +35,9 @@ test: setup
 	@$(MAKE) --no-print-directory --jobs 2 lint tests
 
 tests: setup
+	$(BIN)/python -m pytest -n auto -m "not thorough"
+
+test-thorough: lint
 	$(BIN)/python -m pytest -n auto
 
 benchmark: setup

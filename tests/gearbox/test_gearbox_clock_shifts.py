@@ -53,6 +53,7 @@ def logged(number, **more):
 
 
 @pytest.mark.parametrize("number", range(16))
+@pytest.mark.thorough
 def test_boards_on_one_clock_are_never_moved(number):
     plain = logged(number)
     moved, clocks = align(plain)

@@ -19,7 +19,8 @@ Change = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def identify(recordings: Iterable[Recording], **settings: object) -> Findings:
-    findings = SHEAR.identify(list(recordings), ShearSettings(**settings), Context("test", {}))
+    # Two starts find what six do in these logs; the tests of the search itself use the usual number.
+    findings = SHEAR.identify(list(recordings), ShearSettings(**{"starts": 2, **settings}), Context("test", {}))
     assert SHEAR.sections(findings)
     assert all(SHEAR.methods(findings))
     return findings

@@ -35,6 +35,7 @@ def identified(motion: str, seed: int) -> Findings:
 
 
 @pytest.mark.parametrize("motion", ["chirp", "random"])
+@pytest.mark.thorough
 def test_spring_and_damper_are_found_and_nothing_else(motion: str) -> None:
     for seed in range(3):
         findings = identified(motion, seed)

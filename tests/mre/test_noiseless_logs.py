@@ -20,6 +20,7 @@ NOISELESS = {
 
 
 @pytest.mark.parametrize("lsb", [(0.0, 0.0), (2000 / 65536, 1e-2 / 65536)], ids=["exact", "quantised"])
+@pytest.mark.thorough
 def test_noiseless_logs_are_not_rejected_and_give_the_truth(lsb: tuple[float, float]) -> None:
     recordings = SHEAR.synthesize({**NOISELESS, "force_lsb": lsb[0], "displacement_lsb": lsb[1]}, 1)
     findings = SHEAR.identify(recordings, ShearSettings(), Context("noiseless", {}))

@@ -75,6 +75,7 @@ def test_a_curve_that_the_model_does_not_hold_is_named_and_the_intervals_hold_th
 @pytest.mark.parametrize(
     "change", [lambda t, v: v * (1 - 0.03 * t / t[-1]), lambda t, v: v * np.where(t > 2 * t[-1] / 3, 1.01, 1.0)]
 )
+@pytest.mark.thorough
 def test_a_gain_that_fades_or_steps_in_a_long_chirp_is_no_mass(change: Change) -> None:
     findings = identify(changed(rich(duration=60.0), "force", change), online=False)
     assert doubted(findings, "a gain that fades")

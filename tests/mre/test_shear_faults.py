@@ -139,6 +139,7 @@ def test_a_gain_error_of_one_run_is_named_with_its_size(campaign: list[Recording
     assert_numbers_hold(findings)
 
 
+@pytest.mark.thorough
 def test_a_gain_error_is_still_named_beside_ordinary_scatter() -> None:
     recordings = SHEAR.synthesize({"duration": 1.0, "preload_runs": False, "gain_scatter": 0.003}, 8)
     findings = identify(in_one(recordings, "force", lambda _, F: 1.06 * F, "sh_10hz_4a"))
@@ -146,6 +147,7 @@ def test_a_gain_error_is_still_named_beside_ordinary_scatter() -> None:
     assert_numbers_hold(findings)
 
 
+@pytest.mark.thorough
 def test_ordinary_scatter_sets_no_run_aside() -> None:
     findings = identify(SHEAR.synthesize({"duration": 1.0, "preload_runs": False, "gain_scatter": 0.004}, 8))
     assert findings.verdict == "ok"
@@ -174,6 +176,7 @@ def test_the_measured_current_is_trusted_over_a_swapped_label(campaign: list[Rec
     assert_numbers_hold(findings)
 
 
+@pytest.mark.thorough
 def test_swapped_labels_without_a_current_channel_are_both_found() -> None:
     recordings = SHEAR.synthesize({"duration": 1.0, "preload_runs": False}, 3)
     swap = {"sh_10hz_4a": 6.0, "sh_10hz_6a": 4.0}
@@ -240,6 +243,7 @@ def test_a_clipped_force_is_left_out(campaign: list[Recording]) -> None:
     assert_numbers_hold(findings)
 
 
+@pytest.mark.thorough
 def test_clipping_before_the_noise_comes_in_is_set_aside_as_a_contradiction(campaign: list[Recording]) -> None:
     findings = identify(
         in_one(campaign, "force", lambda _, F: np.clip(F, -0.8 * F.max(), 0.8 * F.max()) + noise(1, F.size, 0.3))
@@ -254,6 +258,7 @@ def test_a_coarse_converter_is_not_taken_for_clipping(campaign: list[Recording])
     assert_numbers_hold(findings)
 
 
+@pytest.mark.thorough
 def test_sliding_pads_are_suspected_from_the_plateau(campaign: list[Recording]) -> None:
     def slid(t: np.ndarray, F: np.ndarray) -> np.ndarray:
         limit = 0.6 * np.abs(F - F.mean()).max()

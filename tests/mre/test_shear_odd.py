@@ -117,6 +117,7 @@ def test_a_lag_of_two_runs_is_named_with_its_size() -> None:
     assert not fit.selected.rejected
 
 
+@pytest.mark.thorough
 def test_the_strongest_candidates_are_told_where_no_few_runs_can_be_spared() -> None:
     lags = {i: later(400e-6 * (i - 3)) for i in (1, 5, 6, 10)}
     loops = with_faults(noisy({}, 3), lags)
@@ -130,6 +131,7 @@ def test_the_strongest_candidates_are_told_where_no_few_runs_can_be_spared() -> 
     assert all("than theirs" in text or " off" in text for text in named)
 
 
+@pytest.mark.thorough
 def test_another_preload_is_not_told_as_another_current() -> None:
     # 1.4e5 N/m is nearly k_MR at 4 A (1.51e5 N/m), but without the damping that the field adds.
     loops = with_faults(noisy({}, 4), {1: stiffer(1.4e5), 10: stiffer(1.4e5)})
@@ -140,6 +142,7 @@ def test_another_preload_is_not_told_as_another_current() -> None:
         assert "N/m" in reason
 
 
+@pytest.mark.thorough
 def test_two_explanations_that_fit_alike_are_both_said() -> None:
     # Without field damping a run at another current and one at another preload are the same.
     truth = {"k_mr": {2.0: 7.5e4, 4.0: 1.5e5, 6.0: 2.25e5}, "s_mr": {2.0: 0.0, 4.0: 0.0, 6.0: 0.0}}
@@ -150,6 +153,7 @@ def test_two_explanations_that_fit_alike_are_both_said() -> None:
     assert "do not tell which" in reason
 
 
+@pytest.mark.thorough
 def test_a_third_run_of_another_gain_is_found_beside_exchanged_labels() -> None:
     loops = with_faults(noisy({}, 2), {3: labelled(4.0), 6: labelled(2.0), 10: gain(0.96)})
     assert set(searched(loops, ONE_MODEL)[1]) == names(loops, 3, 6, 10)

@@ -89,6 +89,7 @@ def test_one_lag_leaves_the_second_open_and_tells_the_sum() -> None:
         assert found.one("time_constant_1", direction=direction).value == pytest.approx(tau, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_where_noise_hides_the_second_lag_the_delay_is_wide_enough_for_it() -> None:
     for seed in range(4):
         found = step(synthesize({"force_noise": 20.0}, seed))

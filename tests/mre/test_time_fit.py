@@ -52,6 +52,7 @@ def test_intervals_hold_the_truth() -> None:
     assert held / count >= 0.85
 
 
+@pytest.mark.thorough
 def test_field_adds_to_k2_and_a_viscous_column() -> None:
     fit = fit_records([rich(1, 6.0)], TimeOptions(viscous=True))
     assert fit.one("k2").value == pytest.approx(2.6e5 + 2.265e5, rel=0.005)

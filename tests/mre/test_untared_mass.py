@@ -43,6 +43,7 @@ def test_scatter_is_not_mistaken_for_a_mass(scatter: float) -> None:
     assert sum(bool(decision.doubt) for decision in decisions) <= 1
 
 
+@pytest.mark.thorough
 def test_a_mass_beside_scatter_is_found_or_its_doubt_told() -> None:
     for seed in SEEDS:
         decision = decided({"gain_scatter": 0.004}, seed, 0.6)

@@ -30,6 +30,7 @@ def membrane(run, a=0.25, seed=0, **settings):
     return decline(found, mean_gain(run.course(), run.command).posterior, run.command, **settings)
 
 
+@pytest.mark.thorough
 def test_the_intervals_hold_the_truth_over_many_runs():
     covered, values = [], []
     for seed in range(40):

@@ -162,6 +162,7 @@ def test_a_wrong_assumed_circuit_leaves_no_number_in_ohm():
     BENCH.sections(found)
 
 
+@pytest.mark.thorough
 def test_friction_of_the_guides_is_taken_out_of_loads_up_and_down():
     runs = ["load_1000", "load_2000", "load_3000", "load_2500", "load_2500_down", "load_2000_down", "load_1000_down"]
     found = identified(synthesize_bench({"runs": runs, "duration": 10.0, "guide_friction": 80.0}, 3))
@@ -169,6 +170,7 @@ def test_friction_of_the_guides_is_taken_out_of_loads_up_and_down():
     true_or_null(found)
 
 
+@pytest.mark.thorough
 def test_another_tire_is_left_out_and_a_wrong_size_is_not_believed():
     first, *others = logs()
     found = identified(without_ring([told(first, tire_size="205/55R16"), *others]))

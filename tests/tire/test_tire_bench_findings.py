@@ -111,6 +111,7 @@ def test_the_report_shows_every_chapter_and_the_sentence_on_the_lengths():
     assert len(BENCH.methods(findings())) >= 5
 
 
+@pytest.mark.thorough
 def test_another_tire_circuit_and_rate_are_found_as_well():
     truth = {
         "loads": [1500, 2200, 3000, 3800, 4500], "tire_size": "205/55R16", "R": 0.3071, "Ro": 0.3159, "flex_length": 0.04, "b": 0.18,

@@ -207,6 +207,7 @@ def test_a_load_in_kilograms_shows_as_a_belt_too_narrow(fit):
     assert scale_doubt(fit) == ""
 
 
+@pytest.mark.thorough
 def test_a_parameter_that_ends_at_its_bound_is_not_told():
     found = fit_ring(_runs(truth=replace(TRUTH, tread_stiffness=2e10)), KNOWN)
     assert "tread_stiffness" in found.at_bound
@@ -284,6 +285,7 @@ def _scattering(by, seed):
     return found
 
 
+@pytest.mark.thorough
 def test_runs_that_differ_unseen_widen_the_errors_to_hold_the_truth():
     z, alone = [], []
     for seed in range(2):

@@ -169,6 +169,7 @@ def test_a_drift_that_is_no_parabola_is_named_with_its_time(a6, moved, text):
     assert findings.verdict == "warning"
 
 
+@pytest.mark.thorough
 def test_runs_of_two_states_under_one_label_are_told_apart():
     other = without(logs("A6")[0], static_load=40e3)
     findings = found([*logs("A5"), replace(other, run="mixed")])
@@ -222,6 +223,7 @@ def test_long_logs_are_averaged_piece_by_piece_to_the_same_motion(monkeypatch):
     assert thinned.orbit.displacement.std() == pytest.approx(plain.orbit.displacement.std(), rel=2e-3)
 
 
+@pytest.mark.thorough
 def test_clockwise_and_faster_loads_give_the_same_law():
     for frequency in (-0.01, 0.04):
         findings = found(logs("B3", rotation_frequency=frequency))

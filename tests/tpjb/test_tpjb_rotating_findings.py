@@ -60,6 +60,7 @@ def test_four_pad_campaign_meets_the_acceptance_of_the_sheet(four, case):
 
 
 @pytest.mark.parametrize("case", FIVE, ids=lambda case: case[1])
+@pytest.mark.thorough
 def test_five_pad_campaign_needs_mixed_terms_and_is_linear_at_three_percent(five, case):
     accepted(five, "5pad", *case)
     assert five.verdict == "ok"
@@ -122,6 +123,7 @@ def test_exponential_pads_are_flagged_and_no_coefficient_is_given():
         assert "no quadratic law holds" in parameter.description.lower()
 
 
+@pytest.mark.thorough
 def test_lower_ratios_give_the_coefficients_where_no_law_holds_for_all():
     low = {"name": "low", "bearing": "4pad-L1", "ratio": 0.05, "law": "pads"}
     findings = found(synthesize({"runs": ["A8", low]}, 1))
