@@ -3,6 +3,7 @@
 import pytest
 from rap_device_log import device, events
 
+from pipeline.recording import Recording
 from pipeline.rigs.rap.alarms import alarm_numbers
 from pipeline.rigs.rap.alarms.codes import CODES, understood
 from pipeline.rigs.rap.alarms.rates import rate
@@ -121,3 +122,24 @@ def test_two_alarms_of_one_code_half_a_minute_apart_are_two():
     twice = (("access", 4.0, 200.0, 215.0), ("access", 4.0, 240.0, 255.0))
     found = _rows((202.0, "ACCESS_OCCLUDED"), (242.0, "ACCESS_OCCLUDED"), factors=twice)
     assert _verdicts(found) == [("ACCESS_OCCLUDED", "match")] * 2
+
+
+def test_states_alone_tell_stagnation_and_pressures_are_not_judged():
+    rows = ((0.0, "READY"), (20.0, "THERAPY"), (600.0, "PAUSE"), (720.1, "ALARM"), (745.0, "THERAPY"), (900.0, "PAUSE"), (990.0, "THERAPY"))  # fmt: skip
+    table = events(
+        *((t, "therapy_state", word) for t, word in rows), (720.1, "alarm_code", "PROLONGED_STAGNATION"),
+        (100.0, "alarm_code", "ACCESS_OCCLUDED"), (1200.0, "therapy_state", "TERMINATION"),
+    )  # fmt: skip
+    found = alarm_numbers(Recording("run", {"events": table}, {}))
+    assert [alarm.code for alarm in found.alarms] == ["PROLONGED_STAGNATION"]
+    assert found.alarms[0].time == pytest.approx(720.0, abs=0.1)
+    assert _verdicts(found) == [("PROLONGED_STAGNATION", "match")]
+    assert any("cannot be checked" in problem.message for problem in found.problems)
+
+
+@pytest.mark.parametrize("start", [200.0, 200.37])
+def test_a_stop_seen_in_the_pulsation_alone_is_timed_by_the_fall_of_the_pressure(start):
+    log = device(stops=((start, 350.0),), told=("uf_pump_command",), uf_runs=lambda t, on: (t > 20.0) * 1.0)
+    (alarm,) = [a for a in alarm_numbers(log).alarms if a.code == "PROLONGED_STAGNATION"]
+    assert alarm.time == pytest.approx(start + 120.0, abs=0.25)
+    assert abs(alarm.time - start - 120.0) < 2.0 * alarm.std_error

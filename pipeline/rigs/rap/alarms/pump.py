@@ -25,6 +25,8 @@ RATE_NEEDED = 5.0
 _RAGGED = 1.5
 # What the device wrote of a start or stop stands no further than this from what pressures show, s.
 _WRITTEN_WITHIN = 3.0
+# Where the pressure before and after a stop is looked at, s.
+_BEFORE, _AFTER = 6.0, 4.0
 _RUNNING_STATES = {"THERAPY"}
 # Stroke volume taken where the speed alone is logged, m^3; it cancels in every ratio.
 _STROKE = 0.7e-6
@@ -52,7 +54,8 @@ def pump_run(log: DeviceLog, grid: np.ndarray) -> PumpRun:
     on, source = _on(log, grid)
     running = [(a, b) for a, b in joined(spans(grid, on), _RAGGED) if b - a >= _RAGGED]
     written = _written(log)
-    running = [(_moment(a, written[True], grid), _moment(b, written[False], grid)) for a, b in running]
+    fallen = log.control.get("prefilter") or log.protective.get("prefilter")
+    running = [(_moment(a, written[True], grid), _moment(_fall(b, fallen), written[False], grid)) for a, b in running]
     on = np.zeros(grid.size, bool)
     for start, end in running:
         on |= (grid >= start) & (grid < end)
@@ -118,6 +121,22 @@ def _written(log: DeviceLog) -> dict[bool, np.ndarray]:
     for entry in log.states:
         moments[entry.text.upper() in _RUNNING_STATES].append(entry.time)
     return {starts: np.sort(np.asarray(found)) for starts, found in moments.items()}
+
+
+def _fall(seen: float, pressure: Signal | None) -> float:
+    """Return when the pump stopped, s, from the fall of its pressure; the pulsation, in means over a second, ends later."""
+    if pressure is None or pressure.rate < RATE_NEEDED:
+        return seen
+    i, k = np.searchsorted(pressure.time, [seen - _BEFORE, seen + _AFTER])
+    time, values = pressure.time[i:k], pressure.values[i:k]
+    turning, resting = values[time < seen - 0.5 * _BEFORE], values[time > seen + 0.5 * _AFTER]
+    if turning.size < 5 or resting.size < 5:
+        return seen
+    high, low = float(np.median(turning)), float(np.median(resting))
+    if abs(high - low) < 5.0 * float(np.std(resting)) + _NOISE:
+        return seen
+    above = np.flatnonzero((values - low) / (high - low) > 0.5)
+    return float(time[min(above[-1] + 1, time.size - 1)])
 
 
 def _moment(seen: float, written: np.ndarray, grid: np.ndarray) -> float:

@@ -28,6 +28,11 @@ _LOGGED_AFTER = 1.0
 _UF_SETTLED = 10.0
 # P_uf moving by more than this share of the usual TMP a second says that the membrane is not in balance.
 _UF_MOVING = 0.1
+# Between moments where no pressure gives them, s.
+_STEP = 0.05
+_NO_PRESSURE = (
+    "the run holds no pressure of the device, so of all alarms only those of stagnation and of flags can be re-derived"
+)
 # Ratios that scatter more than this are no ground for an alarm.
 _NOISE_MOST = 0.10
 _MEANT = {"access": "access line", "filter": "filter", "return": "return line", "membrane": "membrane"}
@@ -50,8 +55,10 @@ def pressure_ratios(log: DeviceLog, limits: AlarmLimits) -> RatioResult:
     """Return the four ratios of a run at the device's stamps."""
     grid = _grid(log)
     if grid.size < 2:
-        return RatioResult(None, None, grid, {}, (), "the run holds no pressure of the device")
+        return RatioResult(None, None, grid, {}, (), _NO_PRESSURE)
     pump = pump_run(log, grid)
+    if not log.control and not log.protective:
+        return RatioResult(None, pump if pump.source else None, grid, {}, (), _NO_PRESSURE)
     signals = {tap: log.control.get(tap) or log.protective.get(tap) for tap in TAPS}
     uf, uf_changes, uf_known = _ultrafiltration(log, grid, pump)
     pulsating = [s for s in (signals["prefilter"], signals["return"], signals["access"]) if s is not None]
@@ -115,8 +122,13 @@ def _told(run: str, message: str) -> QualityFinding:
 
 
 def _grid(log: DeviceLog) -> np.ndarray:
+    """Return the moments of the pressures; without any, moments as close over all that the device wrote."""
     found = [*log.control.values(), *log.protective.values()]
-    return max((s.time for s in found), key=len) if found else np.zeros(0)
+    if found:
+        return max((s.time for s in found), key=len)
+    others = [s for s in (log.flow_set, log.flow_device, log.pump_speed, *log.flags.values()) if s is not None]
+    ends = [t for s in others for t in (s.time[0], s.time[-1])] + [e.time for e in (*log.states, *log.codes)]
+    return np.arange(min(ends), max(ends) + _STEP, _STEP) if ends else np.zeros(0)
 
 
 def _ultrafiltration(log: DeviceLog, grid: np.ndarray, pump: PumpRun) -> tuple[np.ndarray, np.ndarray, bool]:

@@ -15,13 +15,15 @@ from pipeline.rigs.rap.alarms.transitions import EVENT_OF_STATE, STATES, WITH_PU
 
 # An alarm stops the pump within this, s; a stop at another time was a pause.
 _STOPS_WITHIN = 3.0
+# Standard errors of the moment of a stop: written by the device, seen in the pulsation alone, s.
+_WRITTEN, _SEEN = 0.03, 0.4
 # Order of what happens at the same moment.
 _STATE, _CAUSE, _GONE, _PUMP, _END = range(5)
 
 
 @dataclass
 class _Machine:
-    """State, causes at work and the standstill while the events go by.
+    """State, causes at work and the standstill while the events go by; `written` are the stops that the device wrote, s.
 
     `waiting` are causes that were there before any pump ran: they are alarms from the start of it. `by_alarm` says that
     an alarm stopped the pump, other than the emergency button: the device has told somebody already.
@@ -29,6 +31,7 @@ class _Machine:
 
     limits: AlarmLimits
     moments: np.ndarray
+    written: np.ndarray
     state: str
     entered: float
     reason: str
@@ -58,7 +61,8 @@ class _Machine:
             seen = float(self.moments[place])
             self.told_stagnation = True
             words = f"blood stood longer than {self.limits.stagnation:g} s"
-            cause = Cause("PROLONGED_STAGNATION", self.stopped, seen, None, words, 0.03)
+            error = _WRITTEN if self.written.size and np.min(np.abs(self.written - self.stopped)) < 0.1 else _SEEN
+            cause = Cause("PROLONGED_STAGNATION", self.stopped, seen, None, words, error)
             self.raised.append(cause)
             self.active.add(cause)
             self.event(seen, "blood stood too long", words)
@@ -90,7 +94,7 @@ def rederive(
     """
     begin, end = float(moments[0]), float(moments[-1])
     first = _first_state(log, pump, begin)
-    machine = _Machine(limits, moments, first, begin, "the log begins")
+    machine = _Machine(limits, moments, pump.written_stops, first, begin, "the log begins")
     machine.running = first in ("THERAPY", "ALARM") and bool(pump.on[0])
     machine.stopped = begin if first == "PAUSE" else None
     for time, kind, what in _events(log, pump, causes, begin, end):

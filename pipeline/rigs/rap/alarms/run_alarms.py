@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from pipeline.errors import counted
 from pipeline.recording import QualityFinding, Recording
-from pipeline.rigs.rap.alarms.causes import causes
+from pipeline.rigs.rap.alarms.causes import RULES, causes
 from pipeline.rigs.rap.alarms.circulation import uf_alone
 from pipeline.rigs.rap.alarms.comparison import compare
 from pipeline.rigs.rap.alarms.limits import AlarmLimits, MismatchLimits
@@ -13,7 +16,7 @@ from pipeline.rigs.rap.alarms.ratios import pressure_ratios
 from pipeline.rigs.rap.alarms.record import device_log
 from pipeline.rigs.rap.alarms.rederive import rederive
 from pipeline.rigs.rap.alarms.redundancy import redundancy
-from pipeline.rigs.rap.alarms.results import AlarmNumbers, Comparison
+from pipeline.rigs.rap.alarms.results import AlarmNumbers, Comparison, DeviceLog
 from pipeline.rigs.rap.alarms.unit_faults import exchanged_taps
 from pipeline.rigs.rap.conditions import TAPS
 
@@ -47,6 +50,9 @@ def alarm_numbers(
     uf = found.ratios.uf if found.ratios is not None and knows_uf else None
     states, alarms = rederive(log, found.pump, found.grid, causes_found, limits, uf)
     comparison = compare(alarms, log.codes, log.lists_codes, limits)
+    if not log.control and not log.protective:
+        comparison, told = _checkable(log, comparison)
+        problems += told
     confirmed = sum(row.derived is not None and row.logged is not None for row in comparison.rows)
     running = sum(end - start for start, end in found.pump.running)
     problems += log_faults(log, comparison)
@@ -62,3 +68,16 @@ def alarm_numbers(
         tuple(problems),
         found.undetermined,
     )
+
+
+def _checkable(log: DeviceLog, found: Comparison) -> tuple[Comparison, list[QualityFinding]]:
+    """Return the comparison without codes that only pressures could confirm, and say so."""
+    of_pressure = {*(code for _, _, code in RULES), "SENSOR_MISMATCH", "PRESSURE_OUT_OF_RANGE"}
+    left = [row for row in found.rows if row.verdict == "extra" and row.code in of_pressure]
+    if not left:
+        return found, []
+    text = (
+        f"{counted(len(left), 'logged alarm')} of pressures cannot be checked: the run holds no pressure of the device."
+    )
+    rows = tuple(row for row in found.rows if row not in left)
+    return replace(found, rows=rows), [QualityFinding("note", text, log.run, "alarm_code")]
