@@ -263,3 +263,49 @@ def test_clock_that_began_long_before_the_run_changes_no_number() -> None:
             expected = usual.one(name, source=source)
             assert late.one(name, source=source).value == pytest.approx(expected.value, rel=1e-3)
     assert late.one("uf_volume_final").value == pytest.approx(usual.one("uf_volume_final").value, rel=1e-3)
+
+
+STATUS = ("device_status", "device_temperature", "bench_temperature")
+
+
+def test_level_alone_tells_the_volume_at_the_end_and_no_gain() -> None:
+    usual = found(altered(short(), tables=STATUS)).one("uf_volume_final").value
+    findings = found(altered(short(), tables=STATUS, drop=("uf_pump_command", "uf_flow_set")))
+    final = findings.one("uf_volume_final")
+    assert final.ci95 is not None
+    assert final.ci95[0] < usual < final.ci95[1]
+    assert final.std_error < 3e-6
+    assert "levels of the last ten minutes" in final.description
+    assert findings.one("uf_pump_gain").value is None
+
+
+def test_unstated_place_of_the_level_sensor_is_in_the_error_of_the_volume() -> None:
+    run = altered(short(), tables=STATUS)
+    known = found(run).one("uf_volume_final")
+    vague = found(altered(run, conditions={"level_sensor_dx": None})).one("uf_volume_final")
+    assert abs(vague.value - known.value) > 3.0 * known.std_error
+    assert abs(vague.value - known.value) < 2.0 * vague.std_error
+
+
+def test_bench_thermometer_whose_clock_is_an_hour_late_is_fitted_by_its_own_clock_and_not_compared() -> None:
+    run = altered(short(), tables=STATUS)
+    bench = run.streams["bench_temperature"]
+    late = Stream(bench.name, bench.time + 3600.0, bench.channels)
+    findings = found(replace(run, streams={**run.streams, bench.name: late}))
+    usual = found(run).one("time_constant", source="bench").value
+    assert findings.one("time_constant", source="bench").value == pytest.approx(usual, rel=0.01)
+    error = findings.one("temperature_error_max")
+    assert error.value is None
+    assert "clocks stand apart" in error.description
+
+
+def test_degrees_fahrenheit_labelled_celsius_are_named() -> None:
+    def relabelled(name: str, values: np.ndarray) -> np.ndarray:
+        return (values - 273.15) * 1.8 + 32.0 + 273.15 if name == "temperature_air_rap" else values
+
+    assert "unit: degF" in removed(altered(short(), relabelled, tables=STATUS))["temperature_air_rap"]
+
+
+def test_level_that_stands_still_is_no_wrong_unit() -> None:
+    run = altered(short(), lambda k, v: 0.25 + 1e-4 * np.sin(np.arange(v.size)) if k == "uf_level_distance" else v)
+    assert "does not move" in removed(run)["uf_level_distance"]

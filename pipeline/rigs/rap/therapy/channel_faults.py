@@ -6,6 +6,7 @@ numbers. A channel that fails here does not enter them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,12 +22,15 @@ from pipeline.rigs.rap.therapy.record import ACCELERATIONS, without
 
 # Air in a housing, K; the same in degrees Celsius and Fahrenheit.
 _AIR, _CELSIUS, _FAHRENHEIT = (260.0, 340.0), (-13.0, 67.0), (67.0, 153.0)
+_ZERO_CELSIUS = 273.15
 # Blocks over which slopes of slow channels are taken, s, and how many it takes.
 _BLOCK, _LEAST = 600.0, 3
 # A slope that far from what the set-points ask is another unit or geometry and no pump's gain.
 _FACTOR = 1.6
 # Level and scale within that factor of each other mean the same; below minus that share a slope is turned.
 _AGREE, _TURNED = 1.25, 0.3
+# A level that moves by less than that share of what is asked for stands still.
+_STANDS = 0.05
 _FEW = 10
 _SALINE = 1004.0
 _UNITS = ((1e3, "1000"), (1e-3, "1/1000"), (1e2, "100"), (1e-2, "1/100"), (10.0, "10"), (0.1, "1/10"), (60.0, "60"),
@@ -108,7 +112,8 @@ def _temperatures(recording: Recording) -> Iterator[ChannelFault]:
             (word for (low, high), word in ((_CELSIUS, "degC"), (_FAHRENHEIT, "degF")) if low < usual < high), ""
         )
         if usual > _AIR[1]:
-            unit = "K" if _AIR[0] < usual - 273.15 < _AIR[1] else ""
+            read = usual - _ZERO_CELSIUS
+            unit = "K" if _AIR[0] < read < _AIR[1] else "degF" if _FAHRENHEIT[0] < read < _FAHRENHEIT[1] else ""
         guess = f": logged in {unit}, declared otherwise" if unit else ""
         yield ChannelFault(
             name,
@@ -139,16 +144,23 @@ def _gravity(recording: Recording) -> Iterator[ChannelFault]:
 def _filling(recording: Recording) -> Iterator[ChannelFault]:
     """Hold level and scale against what is pumped into the tank; where both say the same it is the pump that is off."""
     level, mass = _level(recording), _mass(recording)
-    if level and mass and level.share and mass.share and 1.0 / _AGREE < level.share / mass.share < _AGREE:
+    if level and mass and _alike(level.share, mass.share):
         return
     yield from (one for one in (level, mass) if one is not None)
 
 
+def _alike(one: float, other: float) -> bool:
+    """Tell whether two shares say the same: both fill at that pace, or both stand still."""
+    if max(abs(one), abs(other)) < _STANDS:
+        return True
+    return one * other > 0.0 and 1.0 / _AGREE < one / other < _AGREE
+
+
 @dataclass(frozen=True)
 class _Filling(ChannelFault):
-    """`share` is how fast the tank fills over how fast it should; 0 where that is not what is wrong."""
+    """`share` is how fast the tank fills over how fast it should; NaN where that is not what is wrong."""
 
-    share: float = 0.0
+    share: float = math.nan
 
 
 def _level(recording: Recording) -> _Filling | None:
@@ -172,8 +184,10 @@ def _level(recording: Recording) -> _Filling | None:
         )
     lx, ly = recording.conditions.get("tank_lx"), recording.conditions.get("tank_ly")
     upright = _upright(recording, one)
-    ratio = _slope_over_asked(recording, upright) if isinstance(lx, float) and isinstance(ly, float) else None
-    if ratio is None or not isinstance(lx, float) or not isinstance(ly, float):
+    if not isinstance(lx, float) or not isinstance(ly, float):
+        return None
+    ratio = _slope_over_asked(recording, upright, 1.0 / (lx * ly))
+    if ratio is None:
         return None
     share = -ratio * lx * ly
     if share < -_TURNED:
@@ -184,6 +198,13 @@ def _level(recording: Recording) -> _Filling | None:
         )
     if 1.0 / _FACTOR < share < _FACTOR:
         return None
+    if abs(share) < _STANDS:
+        return _Filling(
+            one.name,
+            "the level does not move while ultrafiltrate is asked for: the sensor is frozen, or the pump does not pump. The level is not "
+            "used; look at the sensor and at the scale.",
+            share=share,
+        )
     return _Filling(
         one.name,
         f"the level rises {share:.2g} times as fast as the ultrafiltrate that is asked for fills the tank: {_unit(share)}, tank_lx "
@@ -206,11 +227,12 @@ def _upright(recording: Recording, one: Signal) -> Signal:
 def _mass(recording: Recording) -> _Filling | None:
     """Hold the course of the scale against what is pumped."""
     scale = signal(recording, "uf_mass_scale")
-    ratio = _slope_over_asked(recording, scale) if scale is not None else None
+    stated = recording.conditions.get("fluid_density")
+    density = stated if isinstance(stated, float) else _SALINE
+    ratio = _slope_over_asked(recording, scale, density) if scale is not None else None
     if scale is None or ratio is None:
         return None
-    density = recording.conditions.get("fluid_density")
-    share = ratio / (density if isinstance(density, float) else _SALINE)
+    share = ratio / density
     if share < -_TURNED:
         return _Filling(
             scale.name,
@@ -219,6 +241,12 @@ def _mass(recording: Recording) -> _Filling | None:
         )
     if 1.0 / _FACTOR < share < _FACTOR:
         return None
+    if abs(share) < _STANDS:
+        return _Filling(
+            scale.name,
+            "uf_mass_scale does not move while ultrafiltrate is asked for: nothing drips onto it, or the pump does not pump. It is not used.",
+            share=share,
+        )
     return _Filling(
         scale.name,
         f"uf_mass_scale grows {share:.3g} times as fast as the ultrafiltration that is set: {_unit_of_mass(share)}, or it weighs something "
@@ -237,13 +265,15 @@ def _unit_of_mass(share: float) -> str:
     return "pounds and kilograms mixed up" if pounds else _unit(share)
 
 
-def _slope_over_asked(recording: Recording, one: Signal) -> float | None:
+def _slope_over_asked(recording: Recording, one: Signal, expected: float) -> float | None:
     """Return the usual slope of a slow channel over the rate asked of the ultrafiltrate pump; None where that cannot be told.
+
+    It is told where it stands out of its scatter, or where that is small against what is `expected`.
 
     Slopes are taken over blocks of ten minutes; their median bears drained tanks, touched scales and a tank on the move.
     """
     asked = signal(recording, "uf_pump_command") or signal(recording, "uf_flow_set")
-    if asked is None or asked.time.size < 2:
+    if asked is None or asked.time.size < 2 or one.time.size < 2:
         return None
     edges = np.arange(one.time[0], one.time[-1], _BLOCK)
     places = np.searchsorted(one.time, edges)
@@ -264,7 +294,7 @@ def _slope_over_asked(recording: Recording, one: Signal) -> float | None:
         return None
     usual = float(np.median(ratios))
     spread = 1.4826 * float(np.median(np.abs(np.array(ratios) - usual))) / np.sqrt(len(ratios))
-    return usual if abs(usual) > 4.0 * spread or spread == 0.0 else None
+    return usual if abs(usual) > 4.0 * spread or 4.0 * spread < _STANDS * expected else None
 
 
 def _battery(recording: Recording) -> Iterator[ChannelFault]:

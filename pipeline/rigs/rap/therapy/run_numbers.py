@@ -33,6 +33,8 @@ _MEMBRANE_TAPS = ("prefilter", "return", "uf")
 _GAINS = (0.8, 1.25)
 # A clock that shows more at the first sample did not begin with the run, s.
 _UPTIME = 6.0 * 3600.0
+# Clocks that stand further apart change what temperatures are compared, s.
+_APART = 300.0
 
 
 @dataclass(eq=False)
@@ -67,7 +69,7 @@ class RunNumbers:
         volume, alarms = self.volume, self.alarms
         return {
             TEMPERATURE: bool(self.temperatures),
-            VOLUME: volume is not None and volume.course is not None,
+            VOLUME: volume is not None and (volume.course is not None or volume.by_levels is not None),
             MEMBRANE: self.membrane is not None and self.membrane.initial.determined,
             BATTERY: self.battery is not None,
             ALARMS: alarms is not None and (not alarms.undetermined or bool(alarms.alarms)),
@@ -154,7 +156,7 @@ def _temperature(found: RunNumbers) -> None:
             continue
         sensors[source] = sensor
         try:
-            fit = fit_temperature(sensor, source, _switched_on(sensor))
+            fit = fit_temperature(sensor, source, _switched_on(sensor, _end(record)))
         except InputError as error:
             found.reasons[f"temperature {source}"] = str(error)
             continue
@@ -164,6 +166,10 @@ def _temperature(found: RunNumbers) -> None:
         found.reasons["temperature error"] = "; ".join(
             found.reasons[f"temperature {source}"] for source in _SOURCES if source not in sensors
         )
+        return
+    doubt = _stamped_apart(found, sensors["rap"], sensors["bench"])
+    if doubt:
+        found.reasons["temperature error"] = doubt
         return
     try:
         found.temperature_error = compare_temperatures(sensors["rap"], sensors["bench"], _lag(found))
@@ -178,12 +184,39 @@ def _lag(found: RunNumbers) -> float:
     return float(found.clock.lag.value or 0.0) if found.clock is not None and found.clock.sure else 0.0
 
 
-def _switched_on(sensor: Signal) -> float:
+def _stamped_apart(found: RunNumbers, rap: Signal, bench: Signal) -> str:
+    """Say that the two tables of temperature begin and end apart by their stamps, where nothing tells how their clocks stand."""
+    if _lag(found) or rap.time.size < 2 or bench.time.size < 2:
+        return ""
+    begins, ends = float(bench.time[0] - rap.time[0]), float(bench.time[-1] - rap.time[-1])
+    step = max(float(np.median(np.diff(rap.time))), float(np.median(np.diff(bench.time))))
+    if min(abs(begins), abs(ends)) < _APART or begins * ends < 0.0 or abs(begins - ends) > 1.5 * step:
+        return ""
+    return (
+        f"the bench's temperatures begin {begins:+.0f} s and end {ends:+.0f} s after the device's by their stamps: their clocks stand apart, and "
+        "nothing else in the run tells by how much. Set the stamps of one of them right, or log a pressure on both"
+    )
+
+
+def _end(record: Record) -> float:
+    """Return when the run ends by the tables that are no temperatures and no events, s; infinite without any."""
+    slow = {
+        "events",
+        *(record.recording.stream_of(name).name for name in _SOURCES.values() if name in record.recording),
+    }
+    ends = [stream.span[1] for name, stream in record.recording.streams.items() if stream.size and name not in slow]
+    return max(ends, default=float("inf"))
+
+
+def _switched_on(sensor: Signal, end: float) -> float:
     """Return when the device was switched on by the clock of a sensor, s.
 
-    Clocks of a log begin with it or near it; one that began hours before shows the first sample there instead.
+    Clocks of a log begin with it or near it; one that began hours before, or that goes on past the run's `end`, shows the first
+    sample there instead.
     """
-    return 0.0 if float(sensor.time[0]) < _UPTIME else float(sensor.time[0])
+    first, last = float(sensor.time[0]), float(sensor.time[-1])
+    late = first > _APART and last > end + _APART
+    return first if late or first >= _UPTIME else 0.0
 
 
 def _membrane(found: RunNumbers) -> None:

@@ -11,12 +11,14 @@ from typing import TypeVar
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.estimation.estimate import Estimate
 from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.circuit.tank import Tank
 from pipeline.rigs.rap.tables import Signal, entries
 from pipeline.rigs.rap.therapy.command import Command, command_of
 from pipeline.rigs.rap.therapy.disagreement import Disagreement, disagreement
 from pipeline.rigs.rap.therapy.drains import Emptying, drain_times, emptied
+from pipeline.rigs.rap.therapy.final_level import final_by_levels
 from pipeline.rigs.rap.therapy.levels import Levels, level_course, tank_of
 from pipeline.rigs.rap.therapy.outcome.thinning import spans
 from pipeline.rigs.rap.therapy.pump_gain import PumpGain, mean_gain
@@ -44,6 +46,9 @@ class VolumeNumbers:
     ----------
     levels, command, course
         Levels in the tank, what the pump was asked for, the filter's course; the last two None without a pump.
+    by_levels, place_u
+        Volume at the end from the last levels alone, where the command is not known; what an unstated place of the level
+        sensor leaves open in the volume, m^3.
     gain, regulation
         Delivered over asked; how well the set volume was kept.
     weighed, lag, error, device_error
@@ -54,6 +59,8 @@ class VolumeNumbers:
     levels: Levels | None = None
     command: Command | None = None
     course: TankCourse | None = None
+    by_levels: Estimate | None = None
+    place_u: float = 0.0
     emptyings: tuple[Emptying, ...] = ()
     gain: PumpGain | None = None
     regulation: Regulation | None = None
@@ -137,9 +144,11 @@ def _followed(record: Record, found: VolumeNumbers, steps: _Steps) -> VolumeNumb
     levels = steps.done(
         "levels", lambda: level_course(distance, tank, valid=valid, accelerations=axes, temperature=air)
     )
-    found = replace(found, tank=tank, levels=levels)
-    if levels is None or found.command is None:
+    found = replace(found, tank=tank, levels=levels, place_u=_place_u(record, tank, levels))
+    if levels is None:
         return found
+    if found.command is None:
+        return replace(found, by_levels=steps.done("course", lambda: final_by_levels(levels, tank)))
     command = found.command
     emptyings, empty_at_start, odd = emptied(levels, tank, command, drain_times(record.signal("drain_pressed")))
     steps.problems += odd
@@ -156,6 +165,16 @@ def _followed(record: Record, found: VolumeNumbers, steps: _Steps) -> VolumeNumb
         "regulation", lambda: regulate(command, set_point, course, device_volume=record.signal("uf_volume_rap"))
     )
     return replace(found, gain=gain, regulation=regulation)
+
+
+def _place_u(record: Record, tank: Tank, levels: Levels | None) -> float:
+    """Return what an unstated place of the level sensor leaves open in the volume: it sits anywhere over the tank, m^3."""
+    if levels is None or not levels.usable.any():
+        return 0.0
+    sides = {"level_sensor_dx": tank.Lx, "level_sensor_dy": tank.Ly}
+    open_side = math.hypot(*(side for name, side in sides.items() if record.number(name) is None))
+    tilt = float(np.nanmedian(levels.tilt[levels.usable]))
+    return tank.area * math.tan(tilt) * open_side / math.sqrt(12.0) if math.isfinite(tilt) else 0.0
 
 
 def _blind(levels: Levels, course: TankCourse) -> list[QualityFinding]:

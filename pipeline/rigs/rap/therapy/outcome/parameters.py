@@ -99,14 +99,16 @@ def _volume(run: RunNumbers) -> list[Parameter]:
     no_course = next((r for name in ("levels", "command", "course") if (r := volume.reasons.get(name))), "")
     no_scale = volume.reasons.get("scale") or volume.reasons.get("error") or no_course
     rms = volume.error.rms if volume.error else undetermined("uf_volume_error_rms", no_scale)
-    final = _final(volume) if volume.course else undetermined("uf_volume_final", no_course)
+    final = _final(volume) if volume.course else volume.by_levels or undetermined("uf_volume_final", no_course)
+    final = widened(final, volume.place_u, "the unstated place of the level sensor is in the standard error")
     gain = volume.gain.gain if volume.gain else undetermined("uf_pump_gain", volume.reasons.get("gain") or no_course)
     apart = volume.disagreement
     if apart is not None:
         remark = f"level and scale disagree by {1e6 * apart.final:+.1f} mL at the end, {100 * apart.mean_share:+.1f} % in the rate: in the standard error"
         final = widened(final, abs(apart.final), remark)
         gain = widened(gain, abs(apart.mean_share) * (gain.value or 0.0), remark)
-    return [parameter(one, at) for one in (rms, final, gain)]
+    method = "straight line through the last levels" if volume.by_levels else ""
+    return [parameter(final, at, method=method), parameter(rms, at), parameter(gain, at)]
 
 
 def _final(volume: VolumeNumbers) -> Estimate:
