@@ -243,8 +243,21 @@ def test_a_pump_that_never_turns_is_refused():
     still = list(usual())
     for tap, level in (("access", -60.0), ("prefilter", 80.0), ("return", 40.0)):
         still = touched(still, f"pressure_{tap}_rap", lambda t, _v, a=level: a + rng.normal(0.0, 25.0, t.size))
-    with pytest.raises(InputError, match="no run can be used"):
+    with pytest.raises(InputError, match="the pump never turns"):
         identified(still)
+
+
+def test_spikes_are_named_and_cost_little():
+    def spiky(_t, values):
+        hit = np.random.default_rng(3).random(values.size) < 0.01
+        return np.where(hit, values + 20e3, values)
+
+    runs = usual()
+    for tap in ("access", "prefilter", "return"):
+        runs = touched(runs, f"pressure_{tap}_rap", spiky)
+    found = identified(runs)
+    assert "lone spikes" in warnings(found)
+    assert same_as_usual(found)
 
 
 def test_a_check_tells_of_a_missing_line_and_a_missing_meter():

@@ -13,6 +13,7 @@ from pipeline.rigs.rap.flow.circuit_changes import changed_circuit, changed_resi
 from pipeline.rigs.rap.flow.declaration import FlowSettings
 from pipeline.rigs.rap.flow.location import Location
 from pipeline.rigs.rap.flow.results import Campaign
+from pipeline.rigs.rap.flow.sets import HOLDOUT
 from pipeline.rigs.rap.flow.windows import FlowWindows
 
 # Both estimators off alike by more than that (share), and by so many standard errors of the calibration.
@@ -30,6 +31,19 @@ def doubts(found: Campaign, settings: FlowSettings) -> list[QualityFinding]:
         apart = _apart(found, of_run, settings) or changed_circuit(found, of_run)
         rows += apart
         rows += _drift(found, of_run) or ([] if apart else _biased(found, of_run))
+    return rows
+
+
+def not_told(found: Campaign) -> list[QualityFinding]:
+    """Return what the campaign as a whole lacks: estimators that are not calibrated, a hold-out."""
+    rows = [
+        QualityFinding("warning", f"{name} is not calibrated: {found.refused[name]}")
+        for name in ("E2", "E3")
+        if name in found.refused
+    ]
+    if found.laws and not any(row.set == HOLDOUT for row in found.errors):
+        text = "no hold-out run has a blood flow of the meter: errors are those of the fit, and say less of what the estimators predict"
+        rows.append(QualityFinding("warning", text))
     return rows
 
 

@@ -12,7 +12,7 @@ from pipeline.rigs.experiment import Context
 from pipeline.rigs.rap.flow.arrays import arrays_of
 from pipeline.rigs.rap.flow.campaign import campaign_of
 from pipeline.rigs.rap.flow.declaration import FlowSettings
-from pipeline.rigs.rap.flow.doubts import doubts
+from pipeline.rigs.rap.flow.doubts import doubts, not_told
 from pipeline.rigs.rap.flow.parameters import models_of, parameters_of
 from pipeline.rigs.rap.flow.published import published
 from pipeline.rigs.rap.flow.record import run_of
@@ -61,7 +61,10 @@ def identify(recordings: Sequence[Recording], settings: FlowSettings, context: C
         parameters=parameters,
         models=models_of(found),
         published=published(found),
-        quality=[Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in quality],
+        quality=[
+            Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message)
+            for q in (*quality, *not_told(found))
+        ],
         runs=[
             Run(
                 run=r.run,

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, listing
 from pipeline.recording import Recording
 from pipeline.rigs.rap.conditions import pressure
 from pipeline.rigs.rap.tables import Entry, Signal, entries, signal
@@ -105,7 +105,10 @@ def run_of(recording: Recording) -> FlowRun:
     )
     if run.pulsating is None and run.speed is None:
         rates = {s.name: s.rate for s in pressures.values() if s.time.size > 1}
-        found = ", ".join(f"{name} at {rate:.3g} Hz" for name, rate in rates.items()) or "no pressure of the device"
+        found = (
+            ", ".join(f"{name} at {rate:.3g} Hz" for name, rate in rates.items())
+            or f"no pressure of the device (it has {listing(sorted(channel.name for channel in recording), 12)})"
+        )
         raise InputError(
             f"run '{run.name}' has {found}: roller passages come up to {FASTEST_LINE:g} times a second and need a pressure "
             f"logged at {LEAST_RATE:.0f} Hz or more (pressure_prefilter_rap for choice), or the pump's encoder as blood_pump_speed."

@@ -18,6 +18,7 @@ from pipeline.rigs.rap.flow.run_windows import RunNumbers
 from pipeline.rigs.rap.pressures.data_faults import data_faults
 from pipeline.rigs.rap.pressures.pump_lines import line_faults, pump_lines
 from pipeline.rigs.rap.pressures.record import record_of
+from pipeline.rigs.rap.pressures.spikes import without_spikes
 
 # The numbers of this experiment rest on these channels; faults of others are told and cost nothing.
 _USED = (
@@ -45,9 +46,10 @@ class Inspected:
 
 def inspected(recording: Recording) -> Inspected:
     """Judge the channels of a run."""
-    record = record_of(recording)
+    sound, spiky = without_spikes(recording)
+    record = record_of(sound)
     faults = data_faults(record)
-    found = [_weighed(finding, faults.useless) for finding in faults.findings]
+    found = [_weighed(finding, faults.useless) for finding in (*faults.findings, *spiky)]
     source = record.sources.get("rap")
     lines = pump_lines(record, source) if source is not None else None
     refused = next((f.message for f in found if f.level == "error"), "")
@@ -85,14 +87,16 @@ def _no_windows(numbers: RunNumbers) -> list[QualityFinding]:
     if numbers.windows.size:
         return []
     if not numbers.pump.stretches:
-        text = f"the pump never turns: {numbers.source} shows no pulsation. Look whether the channel is mapped and the run is the right one"
-    else:
-        text = (
-            f"no window of the run is steady: the pump turns for {_turning(numbers):.0f} s in all, and windows must lie clear of starts, steps of set-points and "
-            "clamp changes. Hold each set-point for 30 s or more"
-        )
-        if numbers.clock is not None and numbers.clock.margin > 10.0:
-            text += f"; {numbers.clock.how}, so that {numbers.clock.margin:.0f} s are kept off every change: log a pressure on the bench too"
+        read = numbers.meter_zero.value
+        flowing = f" though the flow meter reads {6e7 * read:.3g} mL/min" if numbers.meter_zeroed else ""
+        text = f"the pump never turns: {numbers.source} shows no pulsation{flowing}. Look whether the channel is mapped and the run is the right one"
+        return [QualityFinding("error", text, numbers.run.name, numbers.source)]
+    text = (
+        f"no window of the run is steady: the pump turns for {_turning(numbers):.0f} s in all, and windows must lie clear of starts, steps of set-points and "
+        "clamp changes. Hold each set-point for 30 s or more"
+    )
+    if numbers.clock is not None and numbers.clock.margin > 10.0:
+        text += f"; {numbers.clock.how}, so that {numbers.clock.margin:.0f} s are kept off every change: log a pressure on the bench too"
     return [QualityFinding("warning", text, numbers.run.name)]
 
 
@@ -144,7 +148,7 @@ def _encoder(numbers: RunNumbers) -> list[QualityFinding]:
 def _meter(numbers: RunNumbers) -> list[QualityFinding]:
     found = []
     zero = numbers.meter_zero
-    if numbers.meter_zeroed:
+    if numbers.meter_zeroed and numbers.pump.stretches:
         text = f"the flow meter reads {6e7 * zero.value:+.2f} ± {1.96 * 6e7 * zero.error:.2f} mL/min while the pump stands; that is taken off all its readings. Re-zero it"
         found.append(QualityFinding("warning", text, numbers.run.name, METER))
     if numbers.meter_frozen:

@@ -64,7 +64,8 @@ def run_numbers(run: FlowRun, settings: FlowSettings) -> RunNumbers:
     meter_zero = _meter_zero(run, clock, rests)
     frozen = _frozen(metered, metered_error, f)
     metered = np.where(frozen, np.nan, metered)
-    zeroed = meter_zero.known and abs(meter_zero.value) > max(_ZERO_SIGMA * meter_zero.error, _ZERO_LEAST)
+    alive = not (frozen.size and frozen.all())
+    zeroed = alive and meter_zero.known and abs(meter_zero.value) > max(_ZERO_SIGMA * meter_zero.error, _ZERO_LEAST)
     if zeroed:
         metered = metered - meter_zero.value
     level = {tap: means(run.pressures.get(tap), windows, f)[0] - (own[tap].value if tap in own else 0.0)

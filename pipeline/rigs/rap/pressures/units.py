@@ -25,6 +25,8 @@ _USUAL_BLOOD_FLOW, _USUAL_UF_FLOW = 1.33e-6, 8.3e-8
 _PULSATES = 40.0
 # Readers of one tap differ by less than the first factor, or by that of a unit within the second share.
 _ALIKE, _NEAR = 1.6, 0.2
+# A channel that varies by less than that many times its noise at rest shows nothing but noise.
+_NOISY = 2.0
 
 
 def unit_faults(record: Record, levels: Sequence[TapLevel]) -> list[QualityFinding]:
@@ -83,6 +85,8 @@ def side_of(level: TapLevel) -> int:
         return 0
     low, high = _POSSIBLE[level.tap]
     size = abs(level.rise)
+    if size < (level.noise if level.zeroed else level.scatter):
+        return 0  # below its own noise: nothing was pumped
     if size > high:
         return 1
     return -1 if size < low and not level.scatter > _PULSATES else 0
@@ -115,6 +119,8 @@ def _by_the_other_reader(record: Record, levels: Sequence[TapLevel]) -> list[Qua
             continue
         ratio = own.spread / other.spread
         wrong, right, off = (own, other, 1.0 / ratio) if ratio < 1.0 else (other, own, ratio)
+        if wrong.zeroed and wrong.spread < _NOISY * wrong.noise:
+            continue  # noise alone: the sensor sees nothing of what the other one sees
         units = {unit: abs(off / factor - 1.0) for unit, factor in PRESSURE_UNITS.items()}
         unit = min(units, key=units.__getitem__)
         if off < _ALIKE or units[unit] > _NEAR:
