@@ -13,7 +13,8 @@ from pipeline.rigs.rap.conditions import TAPS, pressure
 from pipeline.rigs.rap.pressures.data_faults import data_faults
 from pipeline.rigs.rap.pressures.record import record_of
 from pipeline.rigs.rap.pressures.tap_levels import tap_levels
-from pipeline.rigs.rap.therapy.channel_faults import ChannelFault, channel_faults
+from pipeline.rigs.rap.therapy.channel_fault import ChannelFault
+from pipeline.rigs.rap.therapy.channel_faults import channel_faults
 from pipeline.rigs.rap.therapy.record import Record, in_memory, without
 
 # Tables whose lengths differ by one of these factors were logged in another unit of time.

@@ -15,26 +15,21 @@ from pipeline.rigs.rap.alignment.align import align
 from pipeline.rigs.rap.alignment.pair import pairs_of
 from pipeline.rigs.rap.alignment.result import Alignment
 from pipeline.rigs.rap.pressures.spans import Span
-from pipeline.rigs.rap.tables import Signal
 from pipeline.rigs.rap.therapy.battery_account import Battery, account
 from pipeline.rigs.rap.therapy.command import command_of
 from pipeline.rigs.rap.therapy.declaration import TherapySettings
 from pipeline.rigs.rap.therapy.faults import cut_short
 from pipeline.rigs.rap.therapy.membrane_decline import Decline, decline
 from pipeline.rigs.rap.therapy.record import ALARMS, BATTERY, MEMBRANE, REDUNDANCY, TEMPERATURE, VOLUME, Record
-from pipeline.rigs.rap.therapy.temperature_error import TemperatureError, compare_temperatures
-from pipeline.rigs.rap.therapy.temperature_fit import TemperatureFit, fit_temperature
+from pipeline.rigs.rap.therapy.temperature_error import TemperatureError
+from pipeline.rigs.rap.therapy.temperature_fit import TemperatureFit
+from pipeline.rigs.rap.therapy.temperature_numbers import temperatures_of
 from pipeline.rigs.rap.therapy.transmembrane import Transmembrane, transmembrane
 from pipeline.rigs.rap.therapy.volume_numbers import VolumeNumbers, stops, volume_of
 
-_SOURCES = {"rap": "temperature_air_rap", "bench": "temperature_air_bench"}
 _MEMBRANE_TAPS = ("prefilter", "return", "uf")
 # Device over bench at a tap beyond that is no gain: another tap, a clamp, air.
 _GAINS = (0.8, 1.25)
-# A clock that shows more at the first sample did not begin with the run, s.
-_UPTIME = 6.0 * 3600.0
-# Clocks that stand further apart change what temperatures are compared, s.
-_APART = 300.0
 
 
 @dataclass(eq=False)
@@ -147,76 +142,15 @@ def _alarms(found: RunNumbers, settings: TherapySettings) -> None:
 
 
 def _temperature(found: RunNumbers) -> None:
-    record = found.record
-    sensors: dict[str, Signal] = {}
-    for source, channel in _SOURCES.items():
-        sensor = record.signal(channel)
-        if sensor is None:
-            found.reasons[f"temperature {source}"] = record.removed.get(channel, f"the run has no {channel}")
-            continue
-        sensors[source] = sensor
-        try:
-            fit = fit_temperature(sensor, source, _switched_on(sensor, _end(record)))
-        except InputError as error:
-            found.reasons[f"temperature {source}"] = str(error)
-            continue
-        found.temperatures[source] = fit
-        _noticed(found, fit.problems)
-    if len(sensors) < len(_SOURCES):
-        found.reasons["temperature error"] = "; ".join(
-            found.reasons[f"temperature {source}"] for source in _SOURCES if source not in sensors
-        )
-        return
-    doubt = _stamped_apart(found, sensors["rap"], sensors["bench"])
-    if doubt:
-        found.reasons["temperature error"] = doubt
-        return
-    try:
-        found.temperature_error = compare_temperatures(sensors["rap"], sensors["bench"], _lag(found))
-    except InputError as error:
-        found.reasons["temperature error"] = str(error)
-        return
-    _noticed(found, found.temperature_error.problems)
+    told = temperatures_of(found.record, _lag(found))
+    found.temperatures, found.temperature_error = dict(told.fits), told.error
+    found.reasons |= told.reasons
+    _noticed(found, told.problems)
 
 
-def _lag(found: RunNumbers) -> float:
-    """Return what the bench's clock shows more than the device's, s; 0 where that is not known."""
-    return float(found.clock.lag.value or 0.0) if found.clock is not None and found.clock.sure else 0.0
-
-
-def _stamped_apart(found: RunNumbers, rap: Signal, bench: Signal) -> str:
-    """Say that the two tables of temperature begin and end apart by their stamps, where nothing tells how their clocks stand."""
-    if _lag(found) or rap.time.size < 2 or bench.time.size < 2:
-        return ""
-    begins, ends = float(bench.time[0] - rap.time[0]), float(bench.time[-1] - rap.time[-1])
-    step = max(float(np.median(np.diff(rap.time))), float(np.median(np.diff(bench.time))))
-    if min(abs(begins), abs(ends)) < _APART or begins * ends < 0.0 or abs(begins - ends) > 1.5 * step:
-        return ""
-    return (
-        f"the bench's temperatures begin {begins:+.0f} s and end {ends:+.0f} s after the device's by their stamps: their clocks stand apart, and "
-        "nothing else in the run tells by how much. Set the stamps of one of them right, or log a pressure on both"
-    )
-
-
-def _end(record: Record) -> float:
-    """Return when the run ends by the tables that are no temperatures and no events, s; infinite without any."""
-    slow = {
-        "events",
-        *(record.recording.stream_of(name).name for name in _SOURCES.values() if name in record.recording),
-    }
-    ends = [stream.span[1] for name, stream in record.recording.streams.items() if stream.size and name not in slow]
-    return max(ends, default=float("inf"))
-
-
-def _switched_on(sensor: Signal, end: float) -> float:
-    """Return when the device was switched on by the clock of a sensor, s.
-
-    Clocks of a log begin with it or near it; one that began hours before, or that goes on past the run's `end`, shows the first
-    sample there instead.
-    """
-    first, last = float(sensor.time[0]), float(sensor.time[-1])
-    late = first > _APART and last > end + _APART
-    return first if late or first >= _UPTIME else 0.0
+def _lag(found: RunNumbers) -> float | None:
+    """Return what the bench's clock shows more than the device's, s; None where that is not known."""
+    return found.clock.lag.value if found.clock is not None and found.clock.sure else None
 
 
 def _membrane(found: RunNumbers) -> None:
@@ -231,8 +165,8 @@ def _membrane(found: RunNumbers) -> None:
         return
     prefilter, back, uf = (one for one in taps.values() if one is not None)
     heads = {tap: head for tap, head in record.heads.items() if tap in _MEMBRANE_TAPS}
-    gains = _gains(record)
     try:
+        gains = _gains(record)
         found.transmembrane = transmembrane(
             prefilter,
             back,
@@ -280,6 +214,11 @@ def _gains(record: Record) -> dict[str, float] | None:
         own, other = rises.get(("rap", tap)), rises.get(("bench", tap))
         if own is not None and other is not None and other.rise != 0.0:
             gain = own.rise / other.rise
+            if gain < -_GAINS[0]:
+                raise InputError(
+                    f"pressure_{tap}_rap changes by {own.rise:+.0f} Pa when the pumps start and the bench's by {other.rise:+.0f} Pa: the sign of one "
+                    "of them is turned, and no transmembrane pressure can be formed. Turn it in the recipe ('sign: -1')."
+                )
             if _GAINS[0] < gain < _GAINS[1]:
                 gains[tap] = gain
     return gains if len(gains) == len(_MEMBRANE_TAPS) else None
