@@ -144,3 +144,16 @@ def test_a_rate_that_may_be_off_is_in_the_error_of_k_0_and_one_that_changes_in_t
     assert off.decline.std_error == pytest.approx(plain.decline.std_error, rel=0.2)
     # 10 % more of a rate within 200 min are a change of about 15 % in 5 h.
     assert changing.decline.std_error > 0.12
+
+
+@pytest.mark.parametrize("rest_shows_it", [True, False])
+def test_the_proteins_of_blood_are_taken_off_once(rest_shows_it):
+    run = tank_run(3, minutes=140)
+    prefilter, back, uf = pressures(run, 0.0)
+    drawn = 3333.0 * np.ones(run.t.size) if rest_shows_it else 3333.0 * (run.t >= 60.0)
+    uf = Signal(uf.name, uf.time, uf.values - drawn)
+    pressure = transmembrane(prefilter, back, uf, zero_spans=[(0.0, 60.0)], gains={"uf": 1.0})
+    found = decline(pressure, mean_gain(run.course(), run.command).posterior, run.command, fluid="blood")
+    assert found.initial.ci95[0] < K_0 < found.initial.ci95[1]
+    assert found.initial.value == pytest.approx(K_0, rel=0.03)
+    assert (found.initial.std_error > 0.05 * K_0) != rest_shows_it

@@ -9,9 +9,9 @@ from tank_runs import TANK, tank_run
 from pipeline.errors import InputError
 from pipeline.rigs.rap.circuit.tank import Tank
 from pipeline.rigs.rap.synthetic.rig import synthesize_therapy
-from pipeline.rigs.rap.tables import Signal
+from pipeline.rigs.rap.tables import Signal, signal
 from pipeline.rigs.rap.therapy.channel_faults import channel_faults
-from pipeline.rigs.rap.therapy.levels import BLIND, CUT, FROZEN, NO_ECHO, TILTED, tank_of
+from pipeline.rigs.rap.therapy.levels import BLIND, CUT, FROZEN, NO_ECHO, TILTED, level_course, tank_of
 
 CONDITIONS = {"tank_lx": 0.12, "tank_ly": 0.0705, "tank_height": 0.26, "level_sensor_z": 0.285, "level_sensor_dx": 0.035,
               "level_sensor_dy": 0.0, "tank_blind_level": 0.01, "echo_reference_temperature": 293.15, "echo_model": "axis"}  # fmt: skip
@@ -127,3 +127,18 @@ def test_a_tank_that_pitches_by_fourteen_degrees_is_no_wrong_unit():
     truth = {"runs": ["rap_tank_motion"], "motion_pitch": np.radians(14.0), "motion_duration": 3600.0}
     (run,) = synthesize_therapy(truth, 3)
     assert channel_faults(run) == []
+
+
+@pytest.mark.parametrize("turned", ["tank_accel_x", "level_sensor_dx", None])
+def test_a_wrong_sign_of_the_tilt_is_named_and_its_level_not_used(turned):
+    (run,) = synthesize_therapy({"runs": ["rap_tank_motion"], "motion_duration": 1500.0}, 4)
+    axes = [signal(run, f"tank_accel_{axis}") for axis in "xyz"]
+    if turned == "tank_accel_x":
+        axes[0] = replace(axes[0], values=-axes[0].values)
+    tank = replace(TANK, dx=-TANK.dx) if turned == "level_sensor_dx" else TANK
+    distance = signal(run, "uf_level_distance")
+    if turned is None:
+        assert level_course(distance, tank, accelerations=axes).share_valid > 0.9
+        return
+    with pytest.raises(InputError, match="tank_accel_x or level_sensor_dx has the wrong sign"):
+        level_course(distance, tank, accelerations=axes)

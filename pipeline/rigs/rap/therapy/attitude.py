@@ -7,12 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.recording import QualityFinding
-from pipeline.rigs.rap.circuit.tank import up_vector
+from pipeline.rigs.rap.circuit.tank import Tank, up_vector
 from pipeline.rigs.rap.tables import Signal
 
 # Acceleration beyond gravity, as a share of it, that means motion (eq. 9), and for how long around it the tank counts as moved, s.
 _MOVING = 0.2 / 9.81
 _AROUND = 3.0
+# Echoes between which a level is compared, changes that are wild (m), how many are enough, motion that counts (m), and the share
+# of what the tilt asks for from which the level moves against it.
+_AFTER, _JUMP, _ENOUGH, _LEAST_MOVE, _AGAINST = 10, 0.03, 300, 0.5e-3, -0.5
 
 
 def attitude(
@@ -58,3 +61,27 @@ def attitude(
     at = np.stack([np.interp(time, base, smooth[:, i]) for i in range(3)], axis=1)
     nearest = np.clip(np.searchsorted(base, time), 0, base.size - 1)
     return up_vector(at), np.asarray(moved[nearest])
+
+
+def turned_axes(height: np.ndarray, n: np.ndarray, tank: Tank) -> list[str]:
+    """Return along which axes ("x", "y") the level moves against what the tilt asks for: a wrong sign.
+
+    Parameters
+    ----------
+    height
+        Sensor's height less distance at the echoes, m, NaN without one, shape (m,).
+    n
+        Up vectors, shape (m, 3).
+    tank
+        Its sensor's place.
+    """
+    parts = {"x": n[:, 0] * tank.dx / n[:, 2], "y": n[:, 1] * tank.dy / n[:, 2]}
+    level = height[_AFTER:] - height[:-_AFTER]
+    moves = {axis: part[:-_AFTER] - part[_AFTER:] for axis, part in parts.items()}
+    seen = np.isfinite(level) & (np.abs(level) < _JUMP)
+    told = [axis for axis, move in moves.items() if seen.sum() > _ENOUGH and float(np.std(move[seen])) > _LEAST_MOVE]
+    if not told:
+        return []
+    X = np.stack([moves[axis][seen] for axis in told], axis=1)
+    share, *_ = np.linalg.lstsq(X, level[seen], rcond=None)
+    return [axis for axis, one in zip(told, share, strict=True) if one < _AGAINST]

@@ -21,7 +21,7 @@ from pipeline.rigs.rap.circuit.tank import (
     tilt_of,
 )
 from pipeline.rigs.rap.tables import Signal
-from pipeline.rigs.rap.therapy.attitude import attitude
+from pipeline.rigs.rap.therapy.attitude import attitude, turned_axes
 from pipeline.rigs.rap.therapy.temperature_fit import AirTemperature
 
 USABLE, NO_ECHO, OUT_OF_TANK, TILTED, CUT, BLIND, FROZEN = range(7)
@@ -157,11 +157,19 @@ def level_course(
         `tank_accel_x`, `_y`, `_z`; without all three the tank is taken to stand upright and still.
     temperature
         Of the air in the tank; without it the sensor's own assumption is kept.
+
+    Raises
+    ------
+    InputError
+        If the level moves against the tilt.
     """
     problems: list[QualityFinding] = []
     time, D = _echoes(distance, valid)
     n, moving = attitude(time, accelerations, problems)
     told = all(a is not None for a in accelerations)
+    turned = turned_axes(tank.z - D, n, tank)
+    if turned:
+        raise InputError(_against(turned))
     tilt_doubt = 0.0 if told else math.hypot(tank.dx, tank.dy) * _UNKNOWN_TILT
     T, T_sd = _air(time, tank, temperature, problems)
     tilt = tilt_of(n)
@@ -191,6 +199,14 @@ def level_course(
         moving=moving,
         why=why,
         problems=tuple(problems),
+    )
+
+
+def _against(turned: Sequence[str]) -> str:
+    channels, places = (" and ".join(f"{name}{axis}" for axis in turned) for name in ("tank_accel_", "level_sensor_d"))
+    return (
+        f"the level moves against the tilt: {channels} or {places} has the wrong sign, and corrected by it the level is wrong by twice the "
+        "tilt's part. It is not used; turn the sign of one of them in the recipe or the conditions."
     )
 
 

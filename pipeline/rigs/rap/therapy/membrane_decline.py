@@ -7,18 +7,16 @@ blocks of 40 min, corrected for what few blocks and two fitted numbers hide.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.estimation.estimate import Estimate, estimate, undetermined
-from pipeline.estimation.uncertainty import t_quantile
+from pipeline.estimation.estimate import Estimate, undetermined
 from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.circuit.membrane import T_REF, effective_pressure, water_viscosity
 from pipeline.rigs.rap.therapy.command import Command
-from pipeline.rigs.rap.therapy.decline_errors import LineErrors, line_errors, student_two_sided
+from pipeline.rigs.rap.therapy.decline_line import fitted_line
 from pipeline.rigs.rap.therapy.gain_posterior import GainPosterior
 from pipeline.rigs.rap.therapy.tank_kalman import GAIN_SD
 from pipeline.rigs.rap.therapy.transmembrane import Transmembrane
@@ -29,6 +27,8 @@ _LEAST_TMP = 200.0
 _PER_KELVIN = 0.02
 # Proteins of blood, about 25 mmHg.
 _OSMOTIC = 3333.0
+# How well that is known, as a share (1 sigma), and from which share of it on a rest of the ultrafiltrate shows it.
+_OSMOTIC_SHARE_U, _OSMOTIC_SEEN = 0.2, 0.45
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def decline(
     """
     problems: list[QualityFinding] = []
     time = pressure.time
-    osmotic = _OSMOTIC if fluid.strip().lower() == "blood" else 0.0
+    osmotic, told = _osmotic(fluid, pressure)
     tmp = effective_pressure(pressure.tmp, osmotic)
     k, errors = _values(pressure, tmp, gain, command, fluid_temperature)
     gain_sd = np.sqrt(np.diag(errors))
@@ -124,15 +124,15 @@ def decline(
     t = (time - origin) / t_ref
     r = 1.0 / k[used]
     shape = np.outer(r, r) * errors[np.ix_(used, used)] + np.diag((r * pressure.scatter[used] / tmp[used]) ** 2)
-    notes = _notes(fluid_temperature is not None, osmotic, pressure)
-    common = [pressure.offset_u / tmp[used] * r, pressure.gain_u * r]
+    notes = _notes(fluid_temperature is not None, osmotic, pressure) + told
+    common = [math.hypot(pressure.offset_u, _OSMOTIC_SHARE_U * osmotic) / tmp[used] * r, pressure.gain_u * r]
     if rate_error is not None:
         common.append(np.interp(time[used], *rate_error) * r)
         notes += (
             f"; a rate that may be {100 * float(np.abs(rate_error[1]).max()):.1f} % off (type B, in the standard error)"
         )
     long_enough = float(np.ptp(time[used])) >= _LEAST_BLOCKS * block
-    line = _line(t[used], r, shape, common, max(round(block / pressure.bin), 2))
+    line = fitted_line(t[used], r, shape, common, max(round(block / pressure.bin), 2))
     initial, slope = line.estimates(notes)
     fitted, band = line.course(t)
     if not long_enough:
@@ -200,69 +200,20 @@ def _wild(k: np.ndarray, used: np.ndarray) -> np.ndarray:
     return out
 
 
-@dataclass(frozen=True, eq=False)
-class _Line:
-    """Resistance c_0 + c_1 t/t_ref with its errors; `common` are errors of all values alike, as shares of (K_0, a)."""
+def _osmotic(fluid: str, pressure: Transmembrane) -> tuple[float, str]:
+    """Return what the proteins hold back, Pa, and a remark.
 
-    c: np.ndarray
-    errors: LineErrors
-    common_u: np.ndarray
-    naive_sd: float
-
-    @property
-    def values(self) -> np.ndarray:
-        return np.array([1.0 / self.c[0], self.c[1] / self.c[0]])
-
-    @property
-    def _random(self) -> np.ndarray:
-        """Random standard errors of (K_0, a)."""
-        J = _jacobian(self.c)
-        return np.sqrt(np.maximum(np.diag(J @ self.errors.covariance @ J.T), 1e-300))
-
-    @property
-    def std_error(self) -> np.ndarray:
-        return np.asarray(np.hypot(self._random, self.common_u))
-
-    @property
-    def dof(self) -> np.ndarray:
-        """Degrees of freedom (Welch and Satterthwaite): the common part has none of its own."""
-        return np.asarray(self.errors.dof * (self.std_error / self._random) ** 4)
-
-    @property
-    def p_no_decline(self) -> float:
-        return student_two_sided(float(self.values[1] / self.std_error[1]), float(self.dof[1]))
-
-    def estimates(self, notes: str) -> tuple[Estimate, Estimate]:
-        (K_0, a), (sd_K, sd_a), (dof_K, dof_a) = self.values, self.std_error, self.dof
-        return (
-            estimate("k_uf_initial", K_0, sd_K, dof=float(dof_K), reason=notes),
-            estimate("k_uf_decline", a, sd_a, dof=float(dof_a), reason=notes),
-        )
-
-    def course(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return K (n,) and its 95 % band (n, 2), the common errors left out."""
-        G = np.stack([np.ones(t.size), t], axis=1)
-        r = G @ self.c
-        half = t_quantile(self.errors.dof) * np.sqrt(np.einsum("ni,ij,nj->n", G, self.errors.covariance, G))
-        return 1.0 / r, np.stack([1.0 / (r + half), 1.0 / np.maximum(r - half, 1e-3 * r)], axis=1)
-
-
-def _jacobian(c: np.ndarray) -> np.ndarray:
-    """Return d(K_0, a)/d(c_0, c_1)."""
-    return np.array([[-1.0 / c[0] ** 2, 0.0], [-c[1] / c[0] ** 2, 1.0 / c[0]]])
-
-
-def _line(t: np.ndarray, r: np.ndarray, shape: np.ndarray, common: Sequence[np.ndarray], length: int) -> _Line:
-    """Fit the line."""
-    X = np.stack([np.ones(t.size), t], axis=1)
-    H = np.linalg.pinv(X)
-    c = H @ r
-    residual = r - X @ c
-    J = _jacobian(c)
-    u = np.sqrt(sum((J @ (H @ part)) ** 2 for part in common))
-    naive = H @ H.T * float(residual @ residual) / max(t.size - 2, 1)
-    errors = line_errors(residual, H, shape, length)
-    return _Line(c, errors, u, math.sqrt(float((J @ naive @ J.T)[1, 1])))
+    With the pumps at rest blood draws the ultrafiltrate down to that: where the rest shows it, it went with the zero.
+    """
+    if fluid.strip().lower() != "blood":
+        return 0.0, ""
+    rest = pressure.zeros.get("uf")
+    if rest is None or rest > -_OSMOTIC_SEEN * _OSMOTIC:
+        return _OSMOTIC, ""
+    return 0.0, (
+        f"; blood: at rest the ultrafiltrate reads {rest:.0f} Pa, which is the proteins' osmotic pressure and the sensor's zero, both "
+        "taken off"
+    )
 
 
 def _notes(normalised: bool, osmotic: float, pressure: Transmembrane) -> str:
