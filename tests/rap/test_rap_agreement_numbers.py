@@ -249,3 +249,9 @@ def test_interpolation_keeps_the_pulsation():
     # Straight lines would leave 2 to 8 % of 800 Pa; what is left is the noise of both.
     left = found.device[near] - 1.015 * found.bench[near] - 80.0
     assert float(np.std(left)) < 40.0
+
+
+def test_a_short_level_is_two_blocks_and_so_tells_scatter() -> None:
+    t = np.arange(0.0, 120.0, 0.05)
+    blocks = blocks_of(t, np.ones(t.size, dtype=bool), [Level(0.0, 0.0, 18.0, False), Level(18.0, 18.0, 120.0, True)])
+    assert np.bincount(blocks.level).tolist() == [2, 5]

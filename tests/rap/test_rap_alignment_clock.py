@@ -292,3 +292,11 @@ def test_stamps_of_whole_seconds_leave_lag_and_rate_open_as_far_as_they_do():
     # The samples themselves were even: pole and pulsation stand.
     (pole,) = found.poles
     assert pole.value == pytest.approx(POLE, abs=1e-3)
+
+
+def test_lost_samples_leave_the_timer_its_grid():
+    rng = np.random.default_rng(4)
+    even = 0.05 * np.arange(4000)
+    kept = rng.random(even.size) > 0.02
+    stamps = (even + 2e-3 * rng.standard_normal(even.size))[kept]
+    assert np.std(evened(stamps) - even[kept]) < 2e-4

@@ -12,7 +12,8 @@ from pipeline.recording import Recording
 from pipeline.rigs.rap.circuit.hydraulics import Circuit, filter_transfer
 from pipeline.rigs.rap.conditions import TAPS, pressure
 from pipeline.rigs.rap.pressures.hydraulics_fit import Hydraulics, Readings, fit_hydraulics
-from pipeline.rigs.rap.pressures.levels import SetPoints, levels_of
+from pipeline.rigs.rap.pressures.level_means import level_means
+from pipeline.rigs.rap.pressures.levels import Level, SetPoints, levels_of
 from pipeline.rigs.rap.pressures.return_line import Ratios, fit_return_line
 from pipeline.rigs.rap.pressures.uf_steps import followed
 from pipeline.rigs.rap.synthetic.rig import synthesize_pressures
@@ -186,3 +187,19 @@ def test_what_follows_a_pole_is_exact_for_a_ramp():
     y = followed(t, 3.0 * t, 1.5)
     # Behind a pole a ramp lags by the time constant.
     assert y[-1] == pytest.approx(3.0 * (t[-1] - 1.5), abs=1e-6)
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.03], ids=["whole", "3 % lost"])
+def test_means_are_free_of_what_single_rollers_differ_by(lost: float) -> None:
+    time = np.arange(0.0, 60.0, 0.05)
+    turn = 2.0 * np.pi * 1.37 * time
+    strokes = 900.0 * np.cos(turn + 0.4) + 300.0 * np.cos(2.0 * turn + 1.0)
+    # Three rollers, not alike: lines at a third and at two thirds of the stroke's frequency.
+    rollers = 80.0 * np.cos(turn / 3.0 + 0.7) + 60.0 * np.cos(2.0 * turn / 3.0 + 2.0)
+    kept = np.random.default_rng(2).random(time.size) >= lost
+    one = Signal("p", time[kept], (3000.0 + strokes + rollers)[kept])
+    means = level_means({"p": one}, one, [Level(0.0, 0.0, 60.0, True)])
+    # Hann's weights leave 1/240 of a line 4.5 cycles long; lost samples take their share of the rollers with them.
+    leaks = 100.0 / 240.0
+    holes = float(rollers.std()) * np.sqrt(1.5 * lost / 200.0)
+    assert means.mean["p"] == pytest.approx(np.full(6, 3000.0), abs=leaks + 4.0 * holes)

@@ -21,8 +21,8 @@ _LEAST_LINE = 10.0
 _STRAY = 5.0
 # Poles are said to differ where chance makes them so less often.
 _DIFFER = 0.001
-# Weights found from the same ratios make the result look too certain by that factor (300 runs of the synthetic rig).
-_WEIGHTED = 1.08
+WEIGHTED = 1.08
+"""Weights found from the same ratios make the result look too certain by that factor (300 runs of the synthetic rig)."""
 # Windows are put together into that many groups, each a unit of what repeats.
 _GROUPS = 40
 _LARGEST_DELAY, _LARGEST_RATE, _LARGEST_POLE = 0.15, 200e-6, 0.2
@@ -129,7 +129,7 @@ def _settled(rows: Rows, start: tuple[float, float], tau_b: float, with_rate: bo
         scaled, used = _reweighted(rows, found, tau_b, separate)
         found = _fitted(scaled, used, start, tau_b, with_rate, separate)
     spread = found.covariance
-    found = found.with_covariance(Covariance(_WEIGHTED**2 * spread.matrix, spread.dof, spread.method))
+    found = found.with_covariance(Covariance(WEIGHTED**2 * spread.matrix, spread.dof, spread.method))
     return Fine(found, scaled, used, model_of(rows, found.values, tau_b, separate), separate)
 
 

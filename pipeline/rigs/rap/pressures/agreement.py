@@ -119,10 +119,7 @@ def means_of(one: Aligned, levels: Sequence[Level]) -> Means:
     return Means(time, device, bench, blocks_of(time, np.ones(time.size, dtype=bool), levels))
 
 
-def _limits(
-    name: str, time: np.ndarray, device: np.ndarray, bench: np.ndarray, blocks: Blocks, common: float = 0.0
-) -> Limits:
-    """Return the limits; `common` (Pa) is what all differences err by together."""
+def _limits(name: str, time: np.ndarray, device: np.ndarray, bench: np.ndarray, blocks: Blocks) -> Limits:
     inside = blocks.of >= 0
     d = (device - bench)[inside]
     level = 0.5 * (device + bench)[inside]
@@ -140,7 +137,7 @@ def _limits(
     sd = np.sqrt(np.maximum(weights @ second / total - mean**2, 0.0) * total / np.maximum(total - 1.0, 1.0))
     about = middle + mean
     bias, lower, upper = (
-        estimate(kind, values[0], float(np.hypot(np.std(values[1:], ddof=1), common)), dof=blocks.dof, at=at)
+        estimate(kind, values[0], float(np.std(values[1:], ddof=1)), dof=blocks.dof, at=at)
         for kind, values in zip(_KINDS, (about, about - 1.96 * sd, about + 1.96 * sd), strict=True)
     )
     return Limits(bias, lower, upper, float(sd[0]), blocks.count, time[inside], level, d)

@@ -15,6 +15,8 @@ from pipeline.rigs.rap.pressures.levels import Level
 
 BLOCK = 20.0
 """Length of a block, s: longer than what the pump's speed remembers (5 s)."""
+_SHORTEST = 8.0
+"""A level that long is at least two blocks, s."""
 _DRAWS = 2000
 
 
@@ -68,7 +70,8 @@ def blocks_of(time: np.ndarray, good: np.ndarray, levels: Sequence[Level]) -> Bl
     bounds = [time[0], *edges.tolist(), time[-1]]
     for number, (begin, end) in enumerate(pairwise(bounds)):
         inside = np.flatnonzero(good & (time >= begin) & ((time < end) | (end == time[-1])))
-        count = max(int((end - begin) / BLOCK), 1)
+        # One block alone would tell no scatter.
+        count = max(round((end - begin) / BLOCK), 2 if end - begin > _SHORTEST else 1)
         block = np.minimum(((time[inside] - begin) / (end - begin) * count).astype(int), count - 1)
         used, block = np.unique(block, return_inverse=True)
         of[inside] = len(owner) + block

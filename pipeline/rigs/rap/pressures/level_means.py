@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.rigs.rap.pressures.levels import Level
 from pipeline.rigs.rap.pulsation.harmonics import harmonics
 from pipeline.rigs.rap.pulsation.passages import find_passages
-from pipeline.rigs.rap.pulsation.windows import Windows, cut, joined
+from pipeline.rigs.rap.pulsation.windows import Windows, cut, joined, stacks
 from pipeline.rigs.rap.tables import Signal
 
 LENGTH = 10.0
@@ -75,10 +75,28 @@ def level_means(signals: Mapping[str, Signal], strokes: Signal, levels: Sequence
     for name, one in signals.items():
         values = _plain(one, windows)
         if turning.any():
-            over = harmonics(one.time, one.values, windows, frequency, (1.0, 2.0, 3.0)).mean
-            values = np.where(turning, over, values)
+            values = np.where(turning, _over_strokes(one, windows, frequency), values)
         mean[name] = values
     return LevelMeans(windows, number, turning, frequency, mean)
+
+
+def _over_strokes(signal: Signal, windows: Windows, frequency: np.ndarray) -> np.ndarray:
+    """Return the mean of each window without its strokes, shape (w,); NaN where these cannot be fitted.
+
+    Strokes are fitted and taken off, so that lost samples do no harm; Hann's weights then take out what the single rollers
+    differ by: lines at parts of the frequency, of which a window cuts a cycle.
+    """
+    strokes = harmonics(signal.time, signal.values, windows, frequency, (1.0, 2.0, 3.0))
+    mean = np.full(windows.size, np.nan)
+    for stack in stacks(signal.time, signal.values, windows):
+        length = (windows.end - windows.start)[stack.rows, None]
+        weight = stack.weight * (1.0 + np.cos(2.0 * np.pi * stack.offset / length))
+        angle = 2.0 * np.pi * np.nan_to_num(frequency[stack.rows, None]) * stack.offset
+        left = stack.values.copy()
+        for order, amplitude in zip(strokes.orders, np.nan_to_num(strokes.coefficients[stack.rows]).T, strict=True):
+            left -= (amplitude[:, None] * np.exp(1j * order * angle)).real
+        mean[stack.rows] = (weight * left).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-300)
+    return np.where(np.isfinite(strokes.mean), mean, np.nan)
 
 
 def _plain(signal: Signal, windows: Windows) -> np.ndarray:

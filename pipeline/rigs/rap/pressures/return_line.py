@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.estimation.least_squares import Fit, Unknown, fit
-from pipeline.estimation.uncertainty import clustered
+from pipeline.estimation.uncertainty import Covariance, clustered
+from pipeline.rigs.rap.alignment.fine import WEIGHTED
 from pipeline.rigs.rap.alignment.strokes import follow, lines
 from pipeline.rigs.rap.circuit.hydraulics import Circuit, filter_transfer
 from pipeline.rigs.rap.pressures.levels import Level
@@ -126,4 +127,5 @@ def _fitted(ratios: Ratios, sd: np.ndarray, used: np.ndarray, circuit: Circuit, 
     groups = number // max(int(np.ceil((number.max() + 1) / _GROUPS)), 1)
     if groups.max() < 4 or found.at_bound:
         return found
-    return found.with_covariance(clustered(found.jacobian, found.residual, np.concatenate([groups, groups])))
+    spread = clustered(found.jacobian, found.residual, np.concatenate([groups, groups]))
+    return found.with_covariance(Covariance(WEIGHTED**2 * spread.matrix, spread.dof, spread.method))
