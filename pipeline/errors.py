@@ -18,6 +18,10 @@ class InputError(Exception):
     """
 
 
+class EmptyLogError(InputError):
+    """A log without any rows: as one of a run's several tables it can be done without."""
+
+
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return ``" Did you mean 'x'?"`` for the known word most like `word`, or an empty text."""
     known = list(known)

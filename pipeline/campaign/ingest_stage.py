@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from pipeline.campaign.recipe import Recipe
 from pipeline.campaign.repeated import repeated
 from pipeline.campaign.runs_table import RunsTable
 from pipeline.errors import InputError, counted, listing, nearest
-from pipeline.ingest.ingest import VERSION, ingest_run
+from pipeline.ingest.ingest import VERSION, ingest_run, with_rows
 from pipeline.ingest.registry import open_log, reader_for
 from pipeline.recording import Level, QualityFinding, Recording
 from pipeline.recording.storage import sha256_of, whole_or_not
@@ -121,16 +121,15 @@ class _Task:
 
 
 def _prepare(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Path) -> _Task:
-    logs = []
-    versions, hashes = [], []
-    for _, path in entry.files:
-        reader = reader_for(path)
-        versions.append(f"{reader.name}-{reader.version}")
-        hashes.append(sha256_of(path))
-        logs.append(open_log(path))
-    names = [path.name for _, path in entry.files]
-    conditions = run_conditions.of_logs(entry.run, recipe, table, logs, names)
     shown = _shown(entry, base)
+    files, notes = with_rows(entry.files, shown)
+    logs = [open_log(path) for _, path in files]
+    readers = [reader_for(path) for _, path in files]
+    versions = [f"{reader.name}-{reader.version}" for reader in readers]
+    hashes = [sha256_of(path) for _, path in entry.files]
+    names = [path.name for _, path in files]
+    conditions = run_conditions.of_logs(entry.run, recipe, table, logs, names)
+    conditions = replace(conditions, notes=(*conditions.notes, *notes))
     depends = {
         "version": [__version__, VERSION, *versions],
         "files": [[stream, shown[stream], digest] for (stream, _), digest in zip(entry.files, hashes, strict=True)],
@@ -139,8 +138,8 @@ def _prepare(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Pat
         "conditions": [dict(conditions.values), dict(conditions.sources)],
     }
     key = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
-    files = tuple((stream, path.resolve()) for stream, path in entry.files)
-    return _Task(entry.run, files, shown, recipe, conditions, key)
+    whole = tuple((stream, path.resolve()) for stream, path in files)
+    return _Task(entry.run, whole, shown, recipe, conditions, key)
 
 
 def _read_one(task: _Task, folder: Path) -> tuple[str, dict[str, str] | str]:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from pipeline import __version__
-from pipeline.errors import InputError, listing
+from pipeline.errors import EmptyLogError, InputError, listing
 from pipeline.ingest.clock import align, said_made_relative
 from pipeline.ingest.mapping import ChannelMap, Selection, Source, resolve
 from pipeline.ingest.naming import ChannelLike
@@ -124,6 +124,27 @@ def ingest_run(
     written = [folder / name for name in targets.values()]
     _remove_others(folder, run, written)
     return written
+
+
+def with_rows(
+    files: Sequence[tuple[str, Path]], shown: Mapping[str, str] | None = None
+) -> tuple[list[tuple[str, Path]], list[QualityFinding]]:
+    """Return the logs of a run without those that hold no rows, and a warning of each: a side table may be empty.
+
+    Where all are, or there is only one, they are returned as they are: opening them says what is wrong.
+    """
+    kept, notes = [], []
+    for stream, path in files:
+        try:
+            open_log(path)
+        except EmptyLogError as error:
+            said = str(error).replace(str(path), (shown or {}).get(stream, path.name))
+            notes.append(QualityFinding("warning", f"a table of this run is left out. {said}"))
+        except InputError:
+            kept.append((stream, path))
+        else:
+            kept.append((stream, path))
+    return (kept, notes) if kept and len(files) > 1 else (list(files), [])
 
 
 def opened(files: Sequence[tuple[str, Path]], shown: Mapping[str, str] | None = None) -> list[Source]:

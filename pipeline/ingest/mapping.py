@@ -72,6 +72,7 @@ class SelectedChannel:
     counts_samples: bool = False
     lists_entries: bool = False
     no_value: float | None = None
+    may_rest: bool = False
 
     def si(self, raw: np.ndarray) -> np.ndarray:
         """Return samples (n,) in SI; words stay words, numbers of a text channel become words."""
@@ -247,6 +248,7 @@ def _selected(
         spec.counts_samples,
         spec.lists_entries,
         spec.no_value,
+        spec.may_rest,
     )
 
 

@@ -30,6 +30,8 @@ class ChannelLike(Protocol):
     def lists_entries(self) -> bool: ...  # noqa: D102
     @property
     def no_value(self) -> float | None: ...  # noqa: D102
+    @property
+    def may_rest(self) -> bool: ...  # noqa: D102
 
 
 def plain(name: str) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pipeline.ingest
-from pipeline.errors import InputError, listing
+from pipeline.errors import EmptyLogError, InputError, listing
 from pipeline.ingest.reader import RawLog, Reader
 
 # As much of a file as a reader sees to recognise its format.
@@ -133,7 +133,7 @@ def _head(path: Path) -> bytes:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the file and its permissions.") from error
     if not head:
-        raise InputError(f"{path}: is empty (0 bytes); export or copy the log again.")
+        raise EmptyLogError(f"{path}: is empty (0 bytes); export or copy the log again.")
     return head
 
 

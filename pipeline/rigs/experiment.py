@@ -80,7 +80,8 @@ class ChannelSpec:
     suspected and said. `counts_samples` marks a counter by which the rig knows what was lost on the way: whether the
     gaps of its stream matter is then for the rig to say. `lists_entries` marks what makes its table a list of entries
     (events, samples of a culture): rows of the same time are all kept, and how evenly they come is not judged. `no_value` is
-    a number (SI) that stands where nothing could be measured, and which the rig expects.
+    a number (SI) that stands where nothing could be measured, and which the rig expects. `may_rest` marks what is set, counted or
+    switched, not measured: it may stand still, at the end of its range too.
     """
 
     name: str
@@ -91,6 +92,7 @@ class ChannelSpec:
     counts_samples: bool = False
     lists_entries: bool = False
     no_value: float | None = None
+    may_rest: bool = False
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ class Spec:
     counts_samples: bool = False
     lists_entries: bool = False
     no_value: float | None = None
+    may_rest: bool = False
 
 
 class MemoryTable(RawTable):

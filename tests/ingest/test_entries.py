@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.ingest.ingest import ingest_run
+from pipeline.ingest.ingest import ingest_run, with_rows
 from pipeline.recording import Recording
 from pipeline.recording.storage import read_folder
 from pipeline.rigs.experiment import ChannelSpec
@@ -106,3 +106,17 @@ def test_blanks_in_a_list_are_no_missing_samples_and_a_number_for_no_value_is_no
     told = recording(tmp_path / "b", expected, events=events, device=samples)
     assert not any("stuck" in q.message or "spike" in q.message for q in told.quality)
     np.testing.assert_array_equal(told.values("pressure"), level)
+
+
+def test_a_side_table_without_rows_is_left_out_and_told_and_a_run_without_any_is_refused(tmp_path: Path) -> None:
+    samples = "time [s],pressure [Pa]\n" + "".join(f"{k},{k % 5}\n" for k in range(50))
+    paths = {"device": samples, "scale": "# a scale\n", "events": "time [s],state\n", "log": ""}
+    files = []
+    for name, text in paths.items():
+        (tmp_path / f"r1.{name}.csv").write_text(text)
+        files.append((name, tmp_path / f"r1.{name}.csv"))
+    kept, notes = with_rows(files)
+    assert [stream for stream, _ in kept] == ["device"]
+    assert [note.level for note in notes] == ["warning"] * 3
+    assert "r1.scale.csv" in notes[0].message
+    assert with_rows(files[1:]) == (files[1:], [])

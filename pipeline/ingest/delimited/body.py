@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from pipeline.errors import InputError
+from pipeline.errors import EmptyLogError, InputError
 from pipeline.ingest.delimited import header
 from pipeline.ingest.delimited.cells import is_missing, is_number
 from pipeline.ingest.delimited.delimiter import is_value
@@ -58,7 +58,7 @@ def find_body(lines: Sequence[Line], dialect: Dialect, width: int, where: str) -
     measured = _measured_columns(rows, width)
     start = _start(rows, width, measured)
     if start == len(rows):
-        raise InputError(
+        raise EmptyLogError(
             f"{where}: holds no rows of numbers. Expected is a table: names, perhaps units, then one row a sample."
         )
     table = tuple(

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from pipeline.errors import InputError
+from pipeline.errors import EmptyLogError, InputError
 from pipeline.ingest.delimited.cells import is_missing, is_number
 from pipeline.ingest.delimited.dialect import ARROW, BLANKS, ONE_COLUMN, Dialect
 from pipeline.ingest.delimited.labelled import around_numbers, is_labelled_number
@@ -50,7 +50,7 @@ def detect(lines: Sequence[str], where: str) -> Fit:
     if best.score < _MOSTLY and (labelled := _labelled(parted)).score > best.score:
         best = labelled
     if not _holds_rows(best) and not _is_names_and_one_row(best, parted):
-        raise InputError(
+        raise EmptyLogError(
             f"{where}: holds no rows of numbers. Expected is a table: names, perhaps units, then one row a sample."
         )
     if best.width > MAX_COLUMNS:

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import InputError, counted
+from pipeline.errors import EmptyLogError, InputError, counted
 from pipeline.ingest.delimited.cells import is_number
 from pipeline.ingest.delimited.dialect import stray_quote, without_stray_quote
 from pipeline.ingest.delimited.encoding import Encoding, detect, is_text_with_zeros
@@ -52,7 +52,7 @@ def read_head(path: Path, look: int = FIRST_LOOK) -> Head:
     data, is_whole = _bytes(path, look)
     if not data.strip(b" \t\r\n\0\xef\xbb\xbf\xff\xfe"):
         what = "is empty" if not data else "holds nothing but blanks, line ends or zero bytes"
-        raise InputError(f"{path}: {what}. Expected is a table of numbers; was the recording written to its end?")
+        raise EmptyLogError(f"{path}: {what}. Expected is a table of numbers; was the recording written to its end?")
     encoding = detect(data) or detect(data.rstrip(b"\0"))  # zeros at the end are what a power cut leaves
     zero = data.find(b"\0")
     if encoding is None and is_text_with_zeros(data):

@@ -119,13 +119,13 @@ class ChannelQuality:
 
         A counter stands where what it counts does: only the rig can tell that from a fault.
         """
-        if self.is_dead or self.channel.unit == "count":
+        if self.is_dead or self.channel.may_rest or self.channel.unit == "count":
             return []
         clipped = {top.level for top in self._clipped()}
         return [stretch for stretch in self.stretches.stuck() if stretch.value not in clipped]
 
     def _clipped(self) -> list[FlatTops]:
-        if self.present < _FEWEST_TO_CLIP:
+        if self.present < _FEWEST_TO_CLIP or self.channel.may_rest:
             return []
         return [top for top in (self._lower.clipped(), self._upper.clipped()) if top]
 
