@@ -1,10 +1,13 @@
 """Tables of samples as laboratories write them, and what is wrong with some."""
 
+import math
+
 import numpy as np
 import pytest
 
 from pipeline.errors import InputError
 from pipeline.recording import Channel, Recording, Stream
+from pipeline.report.parameters import key_table
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.rap.cytotoxicity.check import check
 from pipeline.rigs.rap.cytotoxicity.declaration import CYTOTOXICITY, OUTCOMES, CytotoxicitySettings
@@ -192,6 +195,24 @@ def test_more_than_all_cells_and_shares_that_do_not_sum_are_told():
     messages = " ".join(q.message for q in _identify(_recording(rows)).quality)
     assert "more than 100 %" in messages
     assert "do not sum to 100 %" in messages
+
+
+def test_a_lost_count_is_told_and_costs_that_sample_only():
+    rows = _rows()
+    rows[7] = (*rows[7][:3], math.nan, *rows[7][4:])
+    findings = _identify(_recording(rows))
+    assert any("viability is missing in 1 of" in q.message and q.level == "warning" for q in findings.quality)
+    assert all(p.value is not None for p in findings.parameters)
+
+
+def test_the_report_s_numbers_are_in_points_and_minutes():
+    findings = _identify(_recording(_rows()))
+    row = key_table(findings, CYTOTOXICITY).rows[-1]
+    assert "time 360 min" in row[0].text
+    assert str(row[2].text) == "%"
+    assert float(row[1].text.split("±")[0].replace("−", "-")) == pytest.approx(
+        100 * _value(findings, time=21600.0), abs=0.06
+    )
 
 
 def test_a_negative_share_is_refused():

@@ -15,6 +15,8 @@ _PERCENT = 1.5
 _SUM_OFF = 0.03
 # A share below zero by no more than this is zero less a background.
 _BACKGROUND = 0.01
+# Shares that are missing in no more than that part of the samples were lost; more were not counted.
+_FEW = 0.25
 
 
 def as_shares(
@@ -54,6 +56,22 @@ def as_shares(
     return {name: column * (0.01 if name in percent else 1.0) for name, column in raw.items()}, percent
 
 
+def missing_shares(
+    run: str, time: np.ndarray, shares: Mapping[str, np.ndarray], problems: list[QualityFinding]
+) -> None:
+    """Tell samples that lack one outcome and have another: a warning where they are few, a note where that is how the outcome was counted."""
+    counted = np.any([np.isfinite(column) for column in shares.values()], axis=0)
+    for name, column in shares.items():
+        lost = np.flatnonzero(counted & ~np.isfinite(column))
+        if lost.size:
+            few = lost.size <= _FEW * column.size
+            message = (
+                f"{name} is missing in {lost.size} of {column.size} samples (first at {round(time[lost[0]] / 60.0, 2):g} min); the others of that time "
+                f"count alone{', which biases the difference if it was not lost by chance' if few else ''}."
+            )
+            problems.append(QualityFinding("warning" if few else "note", message, run, name))
+
+
 def _mixed(run: str, name: str, column: np.ndarray, odd: np.ndarray) -> None:
     i = int(np.argmax(odd))
     raise InputError(
@@ -86,7 +104,7 @@ def judge_shares(run: str, time: np.ndarray, shares: Mapping[str, np.ndarray], p
         if beyond.size:
             message = (
                 f"{name} is more than 100 % in {beyond.size} of {column.size} samples, up to {100 * np.nanmax(column):.4g} % at "
-                f"{time[beyond[np.argmax(column[beyond])]] / 60.0:.4g} min: check the gating, or say what it is related to."
+                f"{round(time[beyond[np.argmax(column[beyond])]] / 60.0, 2):g} min: check the gating, or say what it is related to."
             )
             problems.append(QualityFinding("warning", message, run, name))
     if len(shares) == 3:

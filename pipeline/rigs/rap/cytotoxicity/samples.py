@@ -12,7 +12,7 @@ from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.rap.cytotoxicity.declaration import OUTCOMES, CytotoxicitySettings
 from pipeline.rigs.rap.cytotoxicity.equivalence import Cell
 from pipeline.rigs.rap.cytotoxicity.groups import is_control, treated_word
-from pipeline.rigs.rap.cytotoxicity.sample_faults import as_shares, judge_shares
+from pipeline.rigs.rap.cytotoxicity.sample_faults import as_shares, judge_shares, missing_shares
 
 # Samples no further apart than this share of the whole span, or this many seconds, were drawn at one time.
 _TOGETHER, _TOGETHER_S = 0.01, 0.5
@@ -60,6 +60,7 @@ def samples_of(recording: Recording, settings: CytotoxicitySettings) -> Samples:
     }
     weight = _weight(recording, n, spread, problems)
     judge_shares(recording.run, time, values, problems)
+    missing_shares(recording.run, time, values, problems)
     words = _words(recording, "group", n) or [_whole_run(recording)] * n
     treated, control = treated_word(words, settings.control_group, settings.treated_group, recording.run)
     kept = np.array([word == treated or word in control for word in words])

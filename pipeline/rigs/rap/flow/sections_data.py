@@ -12,6 +12,8 @@ from pipeline.rigs.rap.therapy.outcome.paper import set_point_notes
 
 _ML_MIN = 1e-6 / 60.0
 _SHOWN = 3
+# So much of a window is drawn, s.
+_DRAWN = 5.0
 
 
 def of_set_points(findings: Findings) -> Blocks:
@@ -43,6 +45,7 @@ def of_windows(findings: Findings) -> Blocks:
     panels = []
     for level in list(dict.fromkeys(example["flow_set"]))[:_SHOWN]:
         rows, line = (table[table["flow_set"] == level] if np.isfinite(level) else table for table in (example, fit))
+        rows, line = (table[table["time"] < _DRAWN] for table in (rows, line))
         marks: list[Mark] = [
             Points(rows["time"].to_numpy(), rows["measured"].to_numpy(), "measured", "samples"),
             Line(line["time"].to_numpy(), line["fitted"].to_numpy(), "model", "mean, trend, harmonics 1 to 3"),
@@ -54,8 +57,8 @@ def of_windows(findings: Findings) -> Blocks:
             Figure(
                 "example", "A window of pulsation",
                 "Is the roller's line the one that is fitted? The frequency is that of the least residual near the periodogram's peak; what is left holds the rollers' "
-                "differences, at a third of it.",
-                "ten seconds of pressure with the harmonic fit at each set-point", panels, columns=1,
+                "differences, at a third of it. The first 5 s of a window are drawn.",
+                "five seconds of pressure with the harmonic fit at each set-point", panels, columns=len(panels),
             )
         )  # fmt: skip
     windows = findings.arrays["windows"]
@@ -98,8 +101,8 @@ def of_runs(findings: Findings) -> Blocks:
             or "none"
         )
         zeros: list[Cell] = [
-            float(row[key]) if np.isfinite(row[key]) else None
-            for key in ("zero_prefilter", "zero_access", "meter_zero")
+            round(float(row[key]) / step) * step if np.isfinite(row[key]) else None
+            for key, step in (("zero_prefilter", 0.1), ("zero_access", 0.1), ("meter_zero", 0.01 * _ML_MIN))
         ]
         rows.append([
             str(row["run"]), str(row["group"]), str(row["tube"]), str(row["clamp"]), int(row["windows"]), lost, *zeros,
