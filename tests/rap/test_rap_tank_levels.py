@@ -142,3 +142,11 @@ def test_a_wrong_sign_of_the_tilt_is_named_and_its_level_not_used(turned):
         return
     with pytest.raises(InputError, match="tank_accel_x or level_sensor_dx has the wrong sign"):
         level_course(distance, tank, accelerations=axes)
+
+
+def test_a_flag_that_denies_every_echo_of_a_working_sensor_is_doubted():
+    run = tank_run(minutes=20)
+    dead = Signal("uf_echo_valid", run.t, np.zeros(run.t.size))
+    levels = run.levels(valid=dead)
+    assert not levels.usable.any()
+    assert any("dead, or inverted" in problem.message for problem in levels.problems)

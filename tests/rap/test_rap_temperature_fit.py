@@ -112,3 +112,12 @@ def test_the_air_stays_at_the_samples_where_the_end_value_is_not_told():
     for seed in range(30):
         air = air_temperature(None, bench(seed, times=times))
         assert np.allclose(air.at(times), housing_temperature(times, *TRUTH), atol=0.3)
+
+
+def test_residuals_that_happen_to_be_nil_know_no_more_than_the_steps():
+    times = np.array([0.0, 600.0, 1200.0, 1800.0, 2400.0])
+    lucky = fit_temperature(sensor(0, 0.0, 0.0, times=times), "bench").time_constant
+    stepped = [fit_temperature(bench(s, times=times), "bench").time_constant for s in range(60)]
+    told = [e for e in stepped if e.value is not None]
+    assert lucky.value == pytest.approx(TRUTH[2], rel=1e-6)
+    assert np.mean([e.ci95[0] < TRUTH[2] < e.ci95[1] for e in told]) > 0.9

@@ -85,3 +85,12 @@ def turned_axes(height: np.ndarray, n: np.ndarray, tank: Tank) -> list[str]:
     X = np.stack([moves[axis][seen] for axis in told], axis=1)
     share, *_ = np.linalg.lstsq(X, level[seen], rcond=None)
     return [axis for axis, one in zip(told, share, strict=True) if one < _AGAINST]
+
+
+def wrong_signs(turned: Sequence[str]) -> str:
+    """Say what is wrong where the level moves against the tilt along these axes."""
+    channels, places = (" and ".join(f"{name}{axis}" for axis in turned) for name in ("tank_accel_", "level_sensor_d"))
+    return (
+        f"the level moves against the tilt: {channels} or {places} has the wrong sign, and corrected by it the level is wrong by twice the "
+        "tilt's part. It is not used; turn the sign of one of them in the recipe or the conditions."
+    )

@@ -21,7 +21,7 @@ from pipeline.rigs.rap.circuit.tank import (
     tilt_of,
 )
 from pipeline.rigs.rap.tables import Signal
-from pipeline.rigs.rap.therapy.attitude import attitude, turned_axes
+from pipeline.rigs.rap.therapy.attitude import attitude, turned_axes, wrong_signs
 from pipeline.rigs.rap.therapy.temperature_fit import AirTemperature
 
 USABLE, NO_ECHO, OUT_OF_TANK, TILTED, CUT, BLIND, FROZEN = range(7)
@@ -169,7 +169,7 @@ def level_course(
     told = all(a is not None for a in accelerations)
     turned = turned_axes(tank.z - D, n, tank)
     if turned:
-        raise InputError(_against(turned))
+        raise InputError(wrong_signs(turned))
     tilt_doubt = 0.0 if told else math.hypot(tank.dx, tank.dy) * _UNKNOWN_TILT
     T, T_sd = _air(time, tank, temperature, problems)
     tilt = tilt_of(n)
@@ -189,6 +189,8 @@ def level_course(
     why[(why == USABLE) & blind] = BLIND
     variance = np.where(moving, LEVEL_NOISE**2 + _SLOSH**2 + _WALKING_TILT**2, LEVEL_NOISE**2)
     _tell(time, why, problems)
+    if valid is not None and not np.isfinite(D).any():
+        problems += _flag_doubted(distance, tank)
     return Levels(
         time=time,
         level=np.where(why == USABLE, level, np.nan),
@@ -202,12 +204,13 @@ def level_course(
     )
 
 
-def _against(turned: Sequence[str]) -> str:
-    channels, places = (" and ".join(f"{name}{axis}" for axis in turned) for name in ("tank_accel_", "level_sensor_d"))
-    return (
-        f"the level moves against the tilt: {channels} or {places} has the wrong sign, and corrected by it the level is wrong by twice the "
-        "tilt's part. It is not used; turn the sign of one of them in the recipe or the conditions."
-    )
+def _flag_doubted(distance: Signal, tank: Tank) -> list[QualityFinding]:
+    """Doubt a flag that denies every echo of a sensor that reads plausible distances."""
+    read = distance.values[(distance.values > 0.0) & (distance.values < 1.1 * tank.z)]
+    if read.size < 0.5 * distance.values.size or not np.ptp(read) > LEVEL_NOISE:
+        return []
+    text = "uf_echo_valid denies every echo although the distances lie within the tank and move: is it dead, or inverted? Leave it out in the recipe to use them."
+    return [QualityFinding("warning", text, channel="uf_echo_valid")]
 
 
 def _echoes(distance: Signal, valid: Signal | None) -> tuple[np.ndarray, np.ndarray]:

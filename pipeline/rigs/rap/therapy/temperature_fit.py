@@ -94,6 +94,10 @@ def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> Temperat
     found = fit(lambda p: housing_temperature(t, p["T_0"], p["T_inf"], p["tau"]) - T, unknowns, starts=2)
     values, sd, dof = found.values, found.std_error, found.dof
     residual_sd = found.sigma
+    # Residuals that happen to be nil know the readings no better than their steps do.
+    least = resolution(T) / math.sqrt(12.0)
+    if 0.0 < residual_sd < least:
+        sd, residual_sd = {key: one * least / residual_sd for key, one in sd.items()}, least
     # Readings in coarse steps repeat the same error: half a step of doubt remains however many there are.
     step = resolution(T)
     common = step / math.sqrt(12.0) * min(1.0, step / max(4.0 * residual_sd, 1e-9))

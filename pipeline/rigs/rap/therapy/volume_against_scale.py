@@ -18,6 +18,9 @@ from pipeline.rigs.rap.therapy.scale_record import Weighed, without_touches
 _BIN = 60.0
 _BLOCK = 2400.0
 _RATE_OFF = 0.05
+_DEVICE_ALONE = (
+    "Where the level agrees with the scale, it is the device's own estimate that is off: look at its calibration."
+)
 # Rates of level and scale nearer than that are the same.
 _RATE_SAME = 0.01
 
@@ -249,22 +252,26 @@ def _slope(name: str, time: np.ndarray, volume: np.ndarray, gain_u: float) -> Es
 def _scale_doubts(time: np.ndarray, e: np.ndarray, sd: np.ndarray, bias: Estimate, what: str) -> list[QualityFinding]:
     """Tell a constant difference and a drift between estimate and scale."""
     out = []
-    doubt = float(np.nanmedian(sd)) if np.isfinite(sd).any() else 2e-6
+    by_level = bool(np.isfinite(sd).any())
+    doubt = float(np.nanmedian(sd)) if by_level else 2e-6
     value, error = float(bias.value or 0.0), float(bias.std_error or 0.0)
     drift = _slope("drift", time, e, 0.0)
     whole = float(drift.value or 0.0) * float(np.ptp(time))
     drifts = drift.ci95 is not None and (drift.ci95[0] > 0.0 or drift.ci95[1] < 0.0)
     drifts &= abs(whole) > max(5e-6, 4.0 * doubt)
     if abs(value) > 3.0 * math.hypot(doubt, error) + 3e-6 and not (drifts and abs(whole) > abs(value)):
-        text = (
-            f"{what} stands {1e6 * value:+.1f} mL off the scale throughout. The level alone cannot tell an offset of the sensor "
-            "(1 mm is 8.5 mL) or the tank's area from the volume: calibrate the geometry once with the scale, and check the tare."
+        text = f"{what} stands {1e6 * value:+.1f} mL off the scale throughout. " + (
+            "The level alone cannot tell an offset of the sensor (1 mm is 8.5 mL) or the tank's area from the volume: calibrate the "
+            "geometry once with the scale, and check the tare."
+            if by_level
+            else _DEVICE_ALONE
         )
         out.append(QualityFinding("warning", text, channel="uf_level_distance"))
     if drifts:
-        text = (
-            f"{what} and the scale drift apart by {1e6 * whole:+.1f} mL over the run: the scale drifts, the density or the tank's area "
-            "is stated wrong, or fluid is lost between membrane and scale."
+        text = f"{what} and the scale drift apart by {1e6 * whole:+.1f} mL over the run" + (
+            ": the scale drifts, the density or the tank's area is stated wrong, or fluid is lost between membrane and scale."
+            if by_level
+            else f". {_DEVICE_ALONE}"
         )
         out.append(QualityFinding("warning", text, channel="uf_mass_scale", span=(float(time[0]), float(time[-1]))))
     return out
