@@ -309,3 +309,19 @@ def test_degrees_fahrenheit_labelled_celsius_are_named() -> None:
 def test_level_that_stands_still_is_no_wrong_unit() -> None:
     run = altered(short(), lambda k, v: 0.25 + 1e-4 * np.sin(np.arange(v.size)) if k == "uf_level_distance" else v)
     assert "does not move" in removed(run)["uf_level_distance"]
+
+
+def test_fastest_table_in_minutes_is_named_by_the_others() -> None:
+    run = altered(short(), tables=(*STATUS, "scale"))
+    status = run.streams["device_status"]
+    hasty = Stream(status.name, status.time / 60.0, status.channels)
+    findings = found(replace(run, streams={**run.streams, status.name: hasty}))
+    assert "table 'device_status' lasts 40" in said(findings)
+    assert "is its time in minutes" in findings.one("energy_used").description
+
+
+def test_device_whose_own_volume_is_off_is_told_without_doubt_of_tank_and_scale() -> None:
+    run = altered(short(), lambda k, v: 1.2 * v if k == "uf_volume_rap" else v, tables=(*STATUS, "scale"))
+    told = said(found(run))
+    assert "the device's own estimate is off" in told
+    assert not any("stands" in reason and "off the scale" in reason for reason in found(run).reasons)

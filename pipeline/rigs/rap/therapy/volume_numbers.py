@@ -276,6 +276,12 @@ def _weighed(record: Record, found: VolumeNumbers, set_rate: float | None, steps
                 emptied=drained,
                 set_rate=set_rate,
             ),
-            told=error is not None and bool(error.problems),
+            told=True,
         )
+    if error is not None and not error.problems and device is not None and device.problems:
+        text = (
+            f"the device's own volume ends {1e6 * float(device.final.value or 0.0):+.1f} mL off the scale, and the volume from its levels does not: "
+            "the device's own estimate is off (its area, level offset or count), not the tank nor the scale."
+        )
+        steps.problems.append(QualityFinding("warning", text, channel="uf_volume_rap"))
     return replace(found, error=error, device_error=device)

@@ -32,7 +32,7 @@ _LINES: tuple[tuple[str, str, Role], ...] = (
     ("scale", "scale", "measured"),
     ("device", "device's own", 2),
 )
-_ERRORS: tuple[tuple[str, str, Role], ...] = (("device", "device's own", 2), ("filter", "estimate", "residual"))
+_ERRORS: tuple[tuple[str, str, Role], ...] = (("device", "device's own", 2), ("filter", "estimate", "model"))
 _MOST_SPANS = 12
 # An expected innovation that many times the usual one.
 _UNKNOWN = 10.0
