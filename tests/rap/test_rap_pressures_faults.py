@@ -306,3 +306,22 @@ def test_turned_sign_of_all_ultrafiltrate_pressures_is_told() -> None:
         "sign of pressure_uf is turned" in q.message and q.channel == "pressure_uf_bench" for q in findings.quality
     )
     assert any("sign of pressure_uf is turned" in reason for reason in findings.reasons)
+
+
+def test_settings_on_a_clock_of_their_own_are_told_and_not_used() -> None:
+    def booted(
+        stream: str, time: np.ndarray, columns: dict[str, np.ndarray]
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        return time + (1e6 if stream == "device" else 0.0), columns
+
+    findings = found(edited(usual(), booted))
+    assert "two clocks in one device" in messages(findings)
+    assert findings.one("k_uf").value is None
+    assert findings.one("r_return").value == pytest.approx(1.4e9, rel=0.003)
+
+
+def test_meter_without_a_place_is_told() -> None:
+    findings = found(told(usual(), {"flowmeter_location": None}))
+    assert "flowmeter_location is not stated" in messages(findings)
+    assert findings.verdict == "warning"
+    assert findings.one("r_access").value == pytest.approx(1.4e9, rel=0.003)

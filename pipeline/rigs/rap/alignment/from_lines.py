@@ -49,8 +49,9 @@ def from_lines(found: ByLines, coarse: Coarse, stated: bool, search: float) -> A
     sd = {name: float(np.hypot(fit.std_error[name], type_b[name])) for name in fit.names}
     doubt = ambiguous(coarse, float(1.0 / np.nanmedian(found.strokes.frequency)), found.sure)
     if not doubt and not sd["delay"] < _LARGEST_ERROR:
+        best = f" (lag to {sd['delay']:.2g} s at best)" if sd["delay"] < 1.0 else ""
         doubt = (
-            f"the pump's lines do not tell lag and pole apart (lag to {sd['delay']:.2g} s at best): pulsation is hardly seen, or both sides hold "
+            f"the pump's lines do not tell lag and pole apart{best}: pulsation is hardly seen, or both sides hold "
             "the readings of one sensor"
         )
     clock = _clock(found, sd, spread)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.errors import listing
 from pipeline.recording import QualityFinding, Recording, Stream
 from pipeline.rigs.rap.pressures.exchanged import exchange_faults
 from pipeline.rigs.rap.pressures.record import Record
@@ -45,10 +46,35 @@ def data_faults(record: Record) -> DataFaults:
     grave = [finding for finding in found if finding.level == "error" or finding.channel not in lost.spans]
     refused = tuple(finding.message for finding in grave if finding.level == "error")
     zeros = [] if any("unit mix-up" in text for text in refused) else zero_faults(record, usable)
-    findings = (*grave, *lost.findings, *zeros)
+    findings = (*grave, *lost.findings, *zeros, *_astray(record), *_place(record))
     return DataFaults(
         findings, refused, lost.useless, tuple(lost.spans), _without(record.recording, lost.useless, lost.spans)
     )
+
+
+def _astray(record: Record) -> list[QualityFinding]:
+    """Tell settings of the device that are on another clock than its pressures."""
+    if not record.astray:
+        return []
+    names = listing([one.name for one in record.astray], 4)
+    time, pressures = record.astray[0].time, next(iter(record.sources["rap"].taps.values())).time
+    text = (
+        f"two clocks in one device: {names} are stamped {time[0]:.6g} to {time[-1]:.6g} s and the device's pressures {pressures[0]:.6g} to {pressures[-1]:.6g} s. They "
+        "share no moment, so what was set is not known and not used; log both by one clock"
+    )
+    return [QualityFinding("warning", text, record.run, record.astray[0].name)]
+
+
+def _place(record: Record) -> list[QualityFinding]:
+    """Tell a flow meter whose place is not stated though fluid is drawn off between the two that it can have."""
+    drawn = record.uf_set is not None and bool(np.any(record.uf_set.values > 0.0))
+    if record.meter is None or record.meter_location is not None or not drawn:
+        return []
+    text = (
+        "flowmeter_location is not stated: on the return line the meter reads Q_b - Q_uf, on the access line Q_b. Resistances rest on the time without "
+        "ultrafiltration, in which both read the same; state access or return"
+    )
+    return [QualityFinding("warning", text, record.run, record.meter.name)]
 
 
 def _without(recording: Recording, useless: Mapping[str, str], spans: Mapping[str, Sequence[Span]]) -> Recording:

@@ -28,7 +28,10 @@ class Source:
 
 @dataclass(frozen=True)
 class Record:
-    """A run: sources by reader (those that have a pressure), flows where logged, conditions."""
+    """A run: sources by reader (those that have a pressure), flows where logged, conditions.
+
+    `astray` are settings of the device whose stamps share no moment with its pressures: they are on another clock, and not used.
+    """
 
     run: str
     recording: Recording
@@ -38,6 +41,7 @@ class Record:
     meter: Signal | None
     uf_set: Signal | None
     heparin: Signal | None
+    astray: tuple[Signal, ...] = ()
 
     def number(self, name: str) -> float | None:
         """Return a condition that is a number, SI; None where the run does not state it."""
@@ -68,7 +72,14 @@ def record_of(recording: Recording) -> Record:
         taps = {tap: found for tap in TAPS if (found := signal(recording, pressure(tap, reader))) is not None}
         if taps:
             sources[reader] = Source(reader, taps, spans_of(recording, reader, taps))
-    uf_set = signal(recording, "uf_flow_set") or signal(recording, "uf_pump_command")
+    settings = {
+        "flow": signal(recording, "blood_flow_set"),
+        "uf": signal(recording, "uf_flow_set") or signal(recording, "uf_pump_command"),
+        "heparin": signal(recording, "heparin_flow_set"),
+    }
+    astray = {name: one for name, one in settings.items() if one is not None and _apart(one, sources.get("rap"))}
+    settings |= dict.fromkeys(astray)
+    uf_set = settings["uf"]
     for reader in ("bench", "prot", "rap"):
         if "rap" in sources and reader in sources:
             sources[reader] = replace(
@@ -79,8 +90,18 @@ def record_of(recording: Recording) -> Record:
         recording,
         recording.conditions,
         sources,
-        signal(recording, "blood_flow_set"),
+        settings["flow"],
         signal(recording, "blood_flow_bench"),
         uf_set,
-        signal(recording, "heparin_flow_set"),
+        settings["heparin"],
+        tuple(one for one in astray.values() if one is not None),
     )
+
+
+def _apart(one: Signal, source: Source | None) -> bool:
+    """Tell whether a setting shares no moment with the pressures of the same device."""
+    if source is None:
+        return False
+    first = min(float(tap.time[0]) for tap in source.taps.values())
+    last = max(float(tap.time[-1]) for tap in source.taps.values())
+    return bool(one.time[-1] < first or one.time[0] > last)
