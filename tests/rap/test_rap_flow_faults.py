@@ -158,6 +158,21 @@ def test_a_frozen_meter_is_not_believed():
     assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.01
 
 
+def test_a_calibration_run_whose_meter_contradicts_the_others_is_named_and_not_calibrated_on():
+    runs = logs(["calibration"], split=True)
+    found = identified([*touched(runs, "blood_flow_bench", lambda _t, v: 0.6 * v, run=runs[1].run), usual()[1]])
+    assert "it is not calibrated on" in warnings(found, runs[1].run)
+    assert same_as_usual(found, ("stroke_volume_mean", "pump_compliance"))
+    assert "not calibrated on" not in warnings(identified([*runs, usual()[1]]))
+
+
+def test_a_meter_that_reads_a_flow_while_the_pump_stands_gives_no_zero():
+    found = identified(touched(usual(), "blood_flow_bench", lambda _t, v: 0.0 * v + 80.0 * ML_MIN))
+    assert "while the pump stands" not in warnings(found)
+    assert "No zero is taken from it" in warnings(found)
+    assert found.verdict == "rejected"
+
+
 def test_a_meter_that_is_not_zero_at_rest_is_zeroed_and_told():
     found = identified(touched(usual(), "blood_flow_bench", lambda _t, v: v + 2.0 * ML_MIN))
     assert "while the pump stands" in warnings(found)

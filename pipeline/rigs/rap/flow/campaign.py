@@ -13,6 +13,7 @@ from pipeline.rigs.rap.flow.declaration import FlowSettings
 from pipeline.rigs.rap.flow.determined import unphysical, why_not_pressure, why_not_pulsation
 from pipeline.rigs.rap.flow.flows import flow_rows
 from pipeline.rigs.rap.flow.location import Location, blood_flow, locate
+from pipeline.rigs.rap.flow.odd_run import without_odd_run
 from pipeline.rigs.rap.flow.results import ESTIMATORS, Campaign, ErrorRow
 from pipeline.rigs.rap.flow.run_windows import RunNumbers
 from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT, Sets, other_tube, sets_of
@@ -29,6 +30,7 @@ def campaign_of(runs: Sequence[RunNumbers], settings: FlowSettings) -> Campaign:
     problems: list[QualityFinding] = []
     location, windows = _by_line(runs, windows)
     sets = sets_of(windows)
+    sets = without_odd_run(windows, sets)
     problems += sets.problems
     windows = replace(windows, role=sets.label, group=sets.group)
     fitted = windows.of((sets.label == CALIBRATION) & np.isfinite(windows.flow))

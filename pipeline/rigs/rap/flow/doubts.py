@@ -13,7 +13,7 @@ from pipeline.rigs.rap.flow.circuit_changes import changed_circuit, changed_resi
 from pipeline.rigs.rap.flow.declaration import FlowSettings
 from pipeline.rigs.rap.flow.location import Location
 from pipeline.rigs.rap.flow.results import Campaign
-from pipeline.rigs.rap.flow.sets import HOLDOUT
+from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT
 from pipeline.rigs.rap.flow.windows import FlowWindows
 
 # Both estimators off alike by more than that (share), and by so many standard errors of the calibration.
@@ -153,7 +153,8 @@ def _errors(found: Campaign, of_run: FlowWindows) -> tuple[Calibrated, np.ndarra
 def _biased(found: Campaign, of_run: FlowWindows) -> list[QualityFinding]:
     """Tell a run in which the estimators are off alike: volume of the tube, or gain of the meter."""
     judged = _errors(found, of_run)
-    if judged is None or of_run.role[0] == "calibration":
+    calibrates = {run.run.name for run in found.runs if run.run.role == CALIBRATION}
+    if judged is None or of_run.role[0] == CALIBRATION or str(of_run.run[0]) in calibrates:
         return []
     law, errors = judged
     known = errors[np.isfinite(errors)]

@@ -14,7 +14,7 @@ from pipeline.errors import listing
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.rap.conditions import pressure
 from pipeline.rigs.rap.flow.record import METER, FlowRun
-from pipeline.rigs.rap.flow.run_windows import RunNumbers
+from pipeline.rigs.rap.flow.run_windows import ZERO_MOST, RunNumbers
 from pipeline.rigs.rap.pressures.data_faults import data_faults
 from pipeline.rigs.rap.pressures.pump_lines import line_faults, pump_lines
 from pipeline.rigs.rap.pressures.record import record_of
@@ -88,7 +88,7 @@ def _no_windows(numbers: RunNumbers) -> list[QualityFinding]:
         return []
     if not numbers.pump.stretches:
         read = numbers.meter_zero.value
-        flowing = f" though the flow meter reads {6e7 * read:.3g} mL/min" if numbers.meter_zeroed else ""
+        flowing = f" though the flow meter reads {6e7 * read:.3g} mL/min" if _flows_at_rest(numbers) else ""
         text = f"the pump never turns: {numbers.source} shows no pulsation{flowing}. Look whether the channel is mapped and the run is the right one"
         return [QualityFinding("error", text, numbers.run.name, numbers.source)]
     text = (
@@ -148,7 +148,10 @@ def _encoder(numbers: RunNumbers) -> list[QualityFinding]:
 def _meter(numbers: RunNumbers) -> list[QualityFinding]:
     found = []
     zero = numbers.meter_zero
-    if numbers.meter_zeroed and numbers.pump.stretches:
+    if _flows_at_rest(numbers) and numbers.pump.stretches:
+        text = f"the flow meter reads {6e7 * zero.value:+.3g} mL/min where {numbers.source} shows no pulsation: it is frozen there, or the pump turns unseen. No zero is taken from it"
+        found.append(QualityFinding("warning", text, numbers.run.name, METER))
+    if numbers.meter_zeroed:
         text = f"the flow meter reads {6e7 * zero.value:+.2f} ± {1.96 * 6e7 * zero.error:.2f} mL/min while the pump stands; that is taken off all its readings. Re-zero it"
         found.append(QualityFinding("warning", text, numbers.run.name, METER))
     if numbers.meter_frozen:
@@ -158,6 +161,11 @@ def _meter(numbers: RunNumbers) -> list[QualityFinding]:
         text = "the flow meter has no samples in any window of this run, by its clock: it was not logging, or its stamps lie elsewhere"
         found.append(QualityFinding("warning", text, numbers.run.name, METER))
     return [*found, *_unlike_set(numbers)]
+
+
+def _flows_at_rest(numbers: RunNumbers) -> bool:
+    """Tell whether the meter reads a flow where the pressures show no pump."""
+    return numbers.meter_zero.known and abs(numbers.meter_zero.value) >= ZERO_MOST
 
 
 def _unlike_set(numbers: RunNumbers) -> list[QualityFinding]:

@@ -24,6 +24,8 @@ from pipeline.rigs.rap.tables import Signal
 
 # The meter reads another zero than 0 where it is so many standard errors, and so much (m^3/s), away from it.
 _ZERO_SIGMA, _ZERO_LEAST = 4.0, 0.3e-6 / 60.0
+# What reads more than that while the pressures do not pulsate is flow or a frozen meter, no zero, m^3/s.
+ZERO_MOST = 10e-6 / 60.0
 # Changes of the set flow and of the UF rate that count as such, as shares of the largest: a regulated UF rate wanders.
 _SET, _UF = 0.01, 0.3
 # Speeds closer than that share are one set-point; without logged set-points a step of that share between windows of so many s is told.
@@ -64,8 +66,8 @@ def run_numbers(run: FlowRun, settings: FlowSettings) -> RunNumbers:
     meter_zero = _meter_zero(run, clock, rests)
     frozen = _frozen(metered, metered_error, f)
     metered = np.where(frozen, np.nan, metered)
-    alive = not (frozen.size and frozen.all())
-    zeroed = alive and meter_zero.known and abs(meter_zero.value) > max(_ZERO_SIGMA * meter_zero.error, _ZERO_LEAST)
+    least = max(_ZERO_SIGMA * meter_zero.error, _ZERO_LEAST)
+    zeroed = meter_zero.known and least < abs(meter_zero.value) < ZERO_MOST
     if zeroed:
         metered = metered - meter_zero.value
     level = {tap: means(run.pressures.get(tap), windows, f)[0] - (own[tap].value if tap in own else 0.0)
