@@ -7,6 +7,7 @@ them: `alignment` finds how the clocks stand to each other.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,7 +23,7 @@ class Signal:
     time: np.ndarray
     values: np.ndarray
 
-    @property
+    @cached_property
     def rate(self) -> float:
         """Samples a second, from the median step, Hz; NaN for fewer than two samples."""
         return float(1.0 / np.median(np.diff(self.time))) if self.time.size > 1 else float("nan")

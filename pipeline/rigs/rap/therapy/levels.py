@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.recording import QualityFinding
+from pipeline.recording import Level, QualityFinding
 from pipeline.rigs.rap.circuit.tank import (
     LARGEST_TILT,
     Tank,
@@ -290,4 +290,5 @@ def _tell(time: np.ndarray, why: np.ndarray, problems: list[QualityFinding]) -> 
         if found.size > max(30, 0.02 * why.size if code == OUT_OF_TANK else 0):
             text = f"{found.size} levels are not used: {REASONS[code]}."
             where = (float(time[found[0]]), float(time[found[-1]]))
-            problems.append(QualityFinding("warning", text, channel=channel, span=where))
+            grave: Level = "note" if code == TILTED and found.size < 0.02 * why.size else "warning"
+            problems.append(QualityFinding(grave, text, channel=channel, span=where))
