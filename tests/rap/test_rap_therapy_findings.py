@@ -91,6 +91,12 @@ def test_mismatches_are_found_at_their_taps() -> None:
     assert taps["prefilter"] == pytest.approx(130.0 - DEVICE_LATE, abs=0.6)
 
 
+def test_units_that_disagree_stand_among_the_findings_on_the_data_and_once_in_the_reasons() -> None:
+    told = [q for q in campaign().quality if "Control and protective unit disagree" in q.message]
+    assert [(q.level, q.run) for q in told] == [("warning", "rap_faults")]
+    assert sum("protective unit disagree" in reason for reason in campaign().reasons) == 1
+
+
 def test_alarms_match_the_log() -> None:
     checks = campaign().arrays["checks"]
     row = checks[(checks["run"] == "rap_faults") & (checks["criterion"] == "alarms beside the log")]

@@ -12,7 +12,7 @@ from pipeline.rigs.experiment import Context
 from pipeline.rigs.rap.therapy.declaration import TherapySettings
 from pipeline.rigs.rap.therapy.faults import examined
 from pipeline.rigs.rap.therapy.outcome.arrays import Tables
-from pipeline.rigs.rap.therapy.outcome.checks import Check, checks_of
+from pipeline.rigs.rap.therapy.outcome.checks import OF_THE_LOG, Check, checks_of
 from pipeline.rigs.rap.therapy.outcome.paper import paper_alone
 from pipeline.rigs.rap.therapy.outcome.parameters import in_order, parameters_of, untold_by
 from pipeline.rigs.rap.therapy.outcome.published import published_of
@@ -90,6 +90,11 @@ def _take(recording: Recording, settings: TherapySettings, campaign: _Campaign) 
         campaign.quality.append(QualityFinding("error", f"left out: {campaign.left_out[recording.run]}", recording.run))
         return
     checks = checks_of(run, settings)
+    campaign.quality += [
+        QualityFinding("warning", one.sentence, run.run)
+        for one in checks
+        if one.criterion in OF_THE_LOG and one.mood in ("warning", "rejected")
+    ]
     campaign.untold |= {(run.run, name) for name in untold_by(run)}
     campaign.parameters += parameters
     campaign.checks += checks

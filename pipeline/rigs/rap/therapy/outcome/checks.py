@@ -11,6 +11,13 @@ from pipeline.findings.figures import Mood
 from pipeline.rigs.rap.therapy.declaration import TherapySettings
 from pipeline.rigs.rap.therapy.run_numbers import RunNumbers
 
+_ALARMS, _CIRCULATION, _UNITS = (
+    "alarms beside the log",
+    "ultrafiltration without circulation",
+    "control and protective unit",
+)
+# What the log itself shows, and whoever reads the findings on the data alone must know.
+OF_THE_LOG = (_ALARMS, _CIRCULATION, _UNITS)
 ML, HOUR, WH = 1e-6, 3600.0, 3600.0
 _SURE = 1.96
 
@@ -45,7 +52,7 @@ def _within(value: float, doubt: float, limit: float) -> tuple[str, Mood]:
 
 
 def _placed(word: str) -> str:
-    return {"outside": "outside of", "at the limit": "at the limit of"}.get(word, word)
+    return {"outside": "outside of", "at the limit": "not surely within"}.get(word, word)
 
 
 def _temperature(run: RunNumbers, settings: TherapySettings) -> Iterator[Check]:
@@ -140,13 +147,13 @@ def _alarms(run: RunNumbers) -> Iterator[Check]:
     if not alarms.comparison.logged_any and alarms.alarms:
         due = counted(len(alarms.alarms), "alarm")
         yield Check(
-            run.run, "alarms beside the log", f"{due} due", "match", "not checkable", "unsaid",
+            run.run, _ALARMS, f"{due} due", "match", "not checkable", "unsaid",
             f"By the pressures and flags {due} would be due; the log lists no codes (alarm_code) to hold them against.",
         )  # fmt: skip
         return
     if not rows:
         yield Check(
-            run.run, "alarms beside the log", "none due, none logged", "match", "match", "ok", "No alarm was due and none was logged."
+            run.run, _ALARMS, "none due, none logged", "match", "match", "ok", "No alarm was due and none was logged."
         )  # fmt: skip
         return
     by = {word: [row.code for row in rows if row.verdict == word] for word in ("match", "late", "missed", "extra")}
@@ -156,7 +163,7 @@ def _alarms(run: RunNumbers) -> Iterator[Check]:
     found = f"{len(by['match'])} of {raised} due match" + (f"; {'; '.join(odd)}" if odd else "")
     mood: Mood = "ok" if not odd else "rejected" if by["missed"] else "warning"
     yield Check(
-        run.run, "alarms beside the log", found, "match", "match" if not odd else "do not match", mood,
+        run.run, _ALARMS, found, "match", "match" if not odd else "do not match", mood,
         f"Re-derived alarms beside the log: {found}.",
     )  # fmt: skip
 
@@ -170,7 +177,7 @@ def _circulation(run: RunNumbers) -> Iterator[Check]:
     seconds = sum(one.end - one.start for one in alone)
     found = f"{seconds:.0f} s, {volume / ML:.1f} mL"
     yield Check(
-        run.run, "ultrafiltration without circulation", found, "none", "stop condition" if sure else "suspected",
+        run.run, _CIRCULATION, found, "none", "stop condition" if sure else "suspected",
         "rejected" if sure else "warning",
         f"Ultrafiltration without circulation, {found}: a stop condition" + ("." if sure else ", by the set rate alone."),
     )  # fmt: skip
@@ -183,6 +190,6 @@ def _units(run: RunNumbers) -> Iterator[Check]:
     odd = {tap.tap: len(tap.mismatches) for tap in taps if tap.mismatches}
     found = ", ".join(f"{n} at {tap}" for tap, n in odd.items()) or "no mismatch"
     yield Check(
-        run.run, "control and protective unit", found, "no mismatch", "disagree" if odd else "agree", "warning" if odd else "ok",
+        run.run, _UNITS, found, "no mismatch", "disagree" if odd else "agree", "warning" if odd else "ok",
         f"Control and protective unit disagree: {found}." if odd else "Control and protective unit agree.",
     )  # fmt: skip
