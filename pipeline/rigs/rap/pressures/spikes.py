@@ -36,6 +36,7 @@ def spikes(one: Signal) -> np.ndarray:
     low, high = np.quantile(one.values, (_TAIL, 1.0 - _TAIL))
     usual = 1.4826 * float(np.median(off))
     found = off > max(_SIGMAS * usual, _RANGE * float(high - low))
+    found[:_WIDEST] = found[-_WIDEST:] = False  # neighbours on one side only: a steep flank is no spike
     return found if high > low and found.sum() <= _MOST * found.size else nothing
 
 
