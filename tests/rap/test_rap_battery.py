@@ -93,3 +93,10 @@ def test_nothing_or_half_is_refused_in_words():
 def test_no_power_projects_nothing():
     found = account(signal("voltage", 14.8), signal("current", 0.0), None)
     assert found.runtime.value is None
+
+
+def test_a_battery_changed_within_the_run_is_told_beside_voltage_and_current():
+    level = signal("level", np.where(T < 9000.0, 0.5 - T / 2e4, 1.0))
+    found = account(*logged(), level, energy=PAPER_ENERGY, efficiency=0.97)
+    assert any("changed or charged" in p.message for p in found.problems)
+    assert found.source == "voltage and current"

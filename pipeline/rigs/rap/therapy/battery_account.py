@@ -17,6 +17,8 @@ PAPER_ENERGY = 75.5 * 3600.0
 """Battery of the device as the paper states it, J."""
 _LAST = 600.0
 _LONG_GAP = 30.0
+# A rise of the level that is no noise of its gauge.
+_RISE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +111,8 @@ def account(
         own_sd = math.hypot(reading_sd, gain_u * abs(mean)) * span
         used = estimate("energy_used", float(used_course[-1]), own_sd, reason="voltage times current over this run")
         source = "voltage and current"
+        if level is not None:
+            _changed(level, problems)
     elif level is not None:
         time, power, used_course, mean, sd, used = _by_level(level, energy, stated, problems)
         source = "level"
@@ -199,6 +203,21 @@ def _mean_sd(power: np.ndarray) -> float:
     return float(kept.std(ddof=1)) / math.sqrt(effective_size(kept)) if kept.size > 3 else float(np.ptp(power)) / 2.0
 
 
+def _changed(level: Signal, problems: list[QualityFinding]) -> bool:
+    """Tell whether the battery was changed or charged within the run."""
+    steps = np.diff(level.values)
+    rises = np.flatnonzero(steps > _RISE)
+    if not rises.size:
+        return False
+    at = float(level.time[rises[0] + 1])
+    text = (
+        f"battery_level rises by {100 * steps[rises].max():.0f} %: the battery was changed or charged. The energy told is that of all "
+        "batteries together; what is left at the end is that of none of them."
+    )
+    problems.append(QualityFinding("warning", text, channel="battery_level", span=(at, at)))
+    return True
+
+
 def _by_level(
     level: Signal, energy: float, stated: bool, problems: list[QualityFinding]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, float, Estimate]:
@@ -208,12 +227,8 @@ def _by_level(
     time, share = level.time, level.values
     if time.size < 3 or not time[-1] > time[0]:
         raise InputError("battery_level has fewer than three readings; no energy can be told from it.")
-    rises = np.flatnonzero(np.diff(share) > 0.05)
-    if rises.size:
-        text = f"battery_level rises by {100 * np.diff(share)[rises].max():.0f} %: the battery was changed or charged; the rise is taken out."
-        at = float(time[rises[0] + 1])
-        problems.append(QualityFinding("warning", text, channel="battery_level", span=(at, at)))
-        share = share - np.concatenate([[0.0], np.cumsum(np.where(np.diff(share) > 0.05, np.diff(share), 0.0))])
+    if _changed(level, problems):
+        share = share - np.concatenate([[0.0], np.cumsum(np.where(np.diff(share) > _RISE, np.diff(share), 0.0))])
     span = float(time[-1] - time[0])
     x = (time - time.mean()) / span
     X = np.stack([np.ones(x.size), x], axis=1)
