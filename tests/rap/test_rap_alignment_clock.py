@@ -300,3 +300,13 @@ def test_lost_samples_leave_the_timer_its_grid():
     kept = rng.random(even.size) > 0.02
     stamps = (even + 2e-3 * rng.standard_normal(even.size))[kept]
     assert np.std(evened(stamps) - even[kept]) < 2e-4
+
+
+def test_clock_that_is_set_within_the_run_has_no_one_lag():
+    def ahead(s: Signal) -> Signal:
+        return Signal(s.name, np.where(s.time > 130.0, s.time + 5.0, s.time), s.values)
+
+    found = align(edited(ahead), BENCH_POLE)
+    assert found.method == "none"
+    assert not found.coarse.wide
+    assert "steps by about" in found.lag.reason

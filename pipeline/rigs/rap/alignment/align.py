@@ -15,7 +15,7 @@ from pipeline.rigs.rap.alignment.by_lines import by_lines, clock_step
 from pipeline.rigs.rap.alignment.clock import Clock
 from pipeline.rigs.rap.alignment.coarse import SEARCH, coarse_lag
 from pipeline.rigs.rap.alignment.from_lines import from_lines
-from pipeline.rigs.rap.alignment.from_steps import from_steps
+from pipeline.rigs.rap.alignment.from_steps import from_steps, step_of_features
 from pipeline.rigs.rap.alignment.pair import Pair
 from pipeline.rigs.rap.alignment.result import BENCH_POLE, Alignment, Coarse
 from pipeline.rigs.rap.alignment.stamps import jitter
@@ -57,6 +57,9 @@ def align(pairs: Sequence[Pair], bench_pole: float | None = None, search: float 
     usable = own
     if not coarse.peak >= _LEAST_PEAK:
         return _nothing(usable, coarse, bench_pole, unlike(coarse))
+    jump = step_of_features(usable, coarse)
+    if jump is not None:
+        return _nothing(usable, coarse, bench_pole, stepped(*jump))
     alike = [pair for pair in usable if pair.alike and pair.name not in coarse.flipped]
     pole = BENCH_POLE if bench_pole is None else bench_pole
     found = by_lines(alike, coarse, pole) if alike else None

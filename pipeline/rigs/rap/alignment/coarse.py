@@ -17,7 +17,7 @@ from pipeline.rigs.rap.alignment.result import Coarse
 SEARCH = 30.0
 """How far stamps of one run lie apart at the most, s; beyond it is looked only where nothing is found within."""
 AMBIGUOUS = 0.9
-# Below that correlation lags beyond the usual are tried as well.
+# Below that correlation lags beyond the usual are tried as well, and taken where they reach it.
 _GOOD = 0.9
 # A pair counts where its correlation is that high; against the others where it is that low.
 _AGAINST = 0.7
@@ -46,7 +46,7 @@ def coarse_lag(pairs: Sequence[Pair], search: float = SEARCH) -> Coarse:
     found = _best(courses, -search, search)
     if found is None or found.peak < _GOOD:
         wide = _best(courses, -np.inf, np.inf)
-        if wide is not None and (found is None or wide.peak > found.peak + 0.1):
+        if wide is not None and (found is None or wide.peak > max(found.peak + 0.1, _GOOD)):
             found = replace(wide, wide=True)
     if found is not None and found.peak >= _FOUND_ROUGHLY:
         found = _about_one_feature(courses, found) or found

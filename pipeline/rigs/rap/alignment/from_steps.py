@@ -19,6 +19,8 @@ from pipeline.rigs.rap.alignment.told import ambiguous, told_clock, told_coarse
 
 # Unknown delays of two sensors of one kind, and of a pressure against a flow meter: standard uncertainties, s.
 _SENSOR_DELAY, _OTHER_DELAY = 0.02, 0.25
+# A second peak of that share of the first, with so many features of its own, may be that of a clock that was set meanwhile.
+_RIVAL, _FEWEST = 0.4, 2
 # A rate of which nothing is known: standard deviation, relative.
 _ANY_RATE = 100e-6
 _WHAT = "no pulsation is seen on both sides: starts and steps alone tell the lag, and the delay of the sensors is in it"
@@ -66,6 +68,22 @@ def from_steps(pairs: Sequence[Pair], coarse: Coarse, bench_pole: float | None, 
         jitter=jitter(pairs[0].device.time),
         problems=(QualityFinding("warning", _WHAT), *told_coarse(coarse, search), *told_clock(clock, track, doubt)),
     )
+
+
+def step_of_features(pairs: Sequence[Pair], coarse: Coarse) -> tuple[float, float] | None:
+    """Return when a clock was set within the run (s on the bench's) and how much the lag changes (s); None where one lag fits all.
+
+    It was where the second peak fits other features than the first, all before or all behind them.
+    """
+    if not math.isfinite(coarse.second_lag) or not coarse.margin > _RIVAL:
+        return None
+    first, second = (feature_lags(pairs, lag).time for lag in (coarse.lag, coarse.second_lag))
+    if min(first.size, second.size) < _FEWEST:
+        return None
+    change = coarse.second_lag - coarse.lag
+    if first.max() < second.min():
+        return float(first.max()), change
+    return (float(second.max()), -change) if second.max() < first.min() else None
 
 
 def _line(features: Features, reference: float) -> tuple[float, float, float, np.ndarray, float]:
