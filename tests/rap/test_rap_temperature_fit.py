@@ -121,3 +121,20 @@ def test_residuals_that_happen_to_be_nil_know_no_more_than_the_steps():
     told = [e for e in stepped if e.value is not None]
     assert lucky.value == pytest.approx(TRUTH[2], rel=1e-6)
     assert np.mean([e.ci95[0] < TRUTH[2] < e.ci95[1] for e in told]) > 0.9
+
+
+@pytest.mark.parametrize("minutes", [10, 15, 20])
+def test_a_record_too_short_to_tell_the_warming_says_so_and_seldom_claims_a_wrong_number(minutes: int) -> None:
+    t = np.arange(0.0, 60.0 * minutes + 1.0, 60.0)
+    true = {"temperature_initial": 298.95, "temperature_final": 303.95, "time_constant": 1200.0}
+    wrong = dict.fromkeys(true, 0)
+    for seed in range(60):
+        noise = np.random.default_rng(seed).normal(0.0, 0.25, t.size)
+        readings = np.round((303.95 - 5.0 * np.exp(-t / 1200.0) + noise) / 0.125) * 0.125
+        for found in fit_temperature(Signal("temperature_air_rap", t, readings), "rap").estimates:
+            if found.ci95 is not None:
+                low, high = found.ci95
+                wrong[found.name] += not low <= true[found.name] <= high
+            else:
+                assert found.reason
+    assert max(wrong.values()) <= 8  # of 60: at 95 % more happen once in a hundred studies

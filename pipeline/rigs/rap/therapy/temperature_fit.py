@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
+from pipeline.estimation.uncertainty import t_quantile
 from pipeline.recording import QualityFinding
 from pipeline.rigs.rap.circuit.thermal import housing_temperature
 from pipeline.rigs.rap.tables import Signal
+from pipeline.rigs.rap.therapy.temperature_profile import profile_intervals
 
 _TAU = (120.0, 7200.0)
 _TAU_START = 1000.0
 _FIRST_HOUR = 3600.0
 # A first sample later than that says little of T_0 where the time constant is not known, s.
 _EARLY = 300.0
+# Intervals of tau whose ends differ by more than this factor, of temperatures wider than this (K), tell no number.
+_WIDEST, _VAGUE = 8.0, 6.0
 # A sensor whose offset nobody has checked, K (1 sigma): the device's own.
 _UNCHECKED = 0.5
 
@@ -102,7 +106,8 @@ def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> Temperat
     step = resolution(T)
     common = step / math.sqrt(12.0) * min(1.0, step / max(4.0 * residual_sd, 1e-9))
     rise = abs(values["T_inf"] - values["T_0"])
-    lost = _why_lost(float(t[0]), span, rise, residual_sd, found.at_bound, sd)
+    profile = profile_intervals(t, T, least)
+    lost = _why_lost(float(t[0]), span, rise, residual_sd, found.at_bound, sd, profile)
     modelled = housing_temperature(t, values["T_0"], values["T_inf"], values["tau"])
     if "tau" in lost and "moves" in lost["tau"]:
         return _flat(source, sensor, lost, step)
@@ -113,13 +118,25 @@ def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> Temperat
             continue
         extra = 0.0 if key == "tau" else common
         whole = math.hypot(sd[key], extra)
-        estimates.append(estimate(name, values[key], whole, dof=dof, at=at, logarithmic=key == "tau"))
+        linear = estimate(name, values[key], whole, dof=dof, at=at, logarithmic=key == "tau")
+        estimates.append(_widened(linear, profile[key], t_quantile(dof) * extra))
     if lost:
         problems.append(QualityFinding("warning", next(iter(lost.values())) + ".", channel=f"temperature_air_{source}"))
     initial, final, time_constant = estimates
     return TemperatureFit(
         source, initial, final, time_constant, sensor.time, T, modelled, residual_sd, dof, tuple(problems)
     )
+
+
+def _widened(linear: Estimate, profile: tuple[float, float] | None, common: float) -> Estimate:
+    """Return an estimate whose interval holds the profile's too, widened by `common`; its standard error grows alike."""
+    if profile is None or linear.ci95 is None or linear.std_error is None:
+        return linear
+    low, high = linear.ci95
+    wide = (min(low, profile[0] - common), max(high, profile[1] + common))
+    if not high > low:
+        return replace(linear, ci95=wide)
+    return replace(linear, ci95=wide, std_error=linear.std_error * (wide[1] - wide[0]) / (high - low))
 
 
 _NAMES = ("temperature_initial", "temperature_final", "time_constant")
@@ -154,7 +171,13 @@ def _flat(source: str, sensor: Signal, lost: dict[str, str], step: float) -> Tem
 
 
 def _why_lost(
-    first: float, span: float, rise: float, noise: float, at_bound: tuple[str, ...], sd: dict[str, float]
+    first: float,
+    span: float,
+    rise: float,
+    noise: float,
+    at_bound: tuple[str, ...],
+    sd: dict[str, float],
+    profile: dict[str, tuple[float, float] | None],
 ) -> dict[str, str]:
     """Return which numbers of eq. 7 the samples do not tell, and why."""
     lost: dict[str, str] = {}
@@ -173,10 +196,17 @@ def _why_lost(
         if late
         else f"the {span / 60:.0f} min of samples do not tell it. Log every 10 min from switching on, for an hour at least"
     )
-    if "tau" in at_bound or not sd["tau"] < _TAU_START or not math.isfinite(sd["tau"]):
+    within = profile["tau"]
+    if "tau" in at_bound or not sd["tau"] < _TAU_START or within is None or within[1] > _WIDEST * within[0]:
         lost["tau"] = why
     for key in ("T_0", "T_inf"):
-        if key in at_bound or not sd[key] < 1.5 or (key == "T_0" and "tau" in lost and first > _EARLY):
+        known = profile[key]
+        if (
+            key in at_bound
+            or known is None
+            or not known[1] - known[0] < _VAGUE
+            or (key == "T_0" and "tau" in lost and first > _EARLY)
+        ):
             lost[key] = why
     return lost
 
