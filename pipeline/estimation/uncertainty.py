@@ -24,8 +24,9 @@ class Covariance:
 
     @property
     def std_error(self) -> np.ndarray:
-        """Standard errors, shape (k,)."""
-        return np.sqrt(np.diag(self.matrix))
+        """Standard errors, shape (k,); NaN where a matrix that is none of variances gives no root."""
+        variances = np.diag(self.matrix)
+        return np.sqrt(np.where(variances >= 0.0, variances, np.nan))
 
     def intervals(self, values: np.ndarray, level: float = 0.95) -> np.ndarray:
         """Return the two-sided t intervals of `values`, shape (k, 2)."""

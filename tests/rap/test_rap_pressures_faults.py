@@ -155,6 +155,14 @@ def test_reading_at_rest_that_a_stated_height_explains_is_a_note() -> None:
     assert "zero not taken" not in messages(findings)
 
 
+def test_blood_that_draws_the_ultrafiltrate_down_at_rest_is_no_zero_to_take_again() -> None:
+    drawn = changed(usual(), **{f"pressure_uf_{reader}": lambda p: p - 3333.0 for reader in READERS})
+    as_blood, as_saline = messages(found(told(drawn, {"fluid": "blood"}))), messages(found(drawn))
+    assert "osmotic pressure" in as_blood
+    assert "re-zero" not in as_blood
+    assert "zero not taken: pressure_uf_rap" in as_saline
+
+
 def test_two_speeds_of_the_pump_lines_are_one_stroke() -> None:
     assert "rotor rate" not in messages(found(usual()))
 

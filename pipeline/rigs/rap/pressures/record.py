@@ -54,6 +54,11 @@ class Record:
         value = self.conditions.get("flowmeter_location")
         return None if value is None else str(value).strip().lower()
 
+    @property
+    def fluid(self) -> str:
+        """What flows, in lower case; saline where not stated."""
+        return str(self.conditions.get("fluid") or "saline").strip().lower()
+
     def head(self, tap: str) -> float | None:
         """Return what a sensor reads at rest because of its height over the reservoir, Pa; None where that is not stated."""
         height = self.number(f"sensor_height_{tap}")

@@ -33,6 +33,12 @@ def zero_faults(record: Record, levels: Sequence[TapLevel]) -> list[QualityFindi
                 f"({record.number(f'sensor_height_{level.tap}') or 0.0:+.3f} m of fluid are {head:+.0f} Pa)"
             )
             found.append(QualityFinding("note", text, record.run, level.channel))
+        elif level.tap == "uf" and left < -ZERO_LIMIT and record.fluid == "blood":
+            text = (
+                f"{level.channel} rests at {level.off:+.0f} Pa ({level.off / 133.322:+.2f} mmHg) with the pump off: blood's proteins draw the "
+                "ultrafiltrate down to their osmotic pressure, about -25 mmHg; no zero can be told apart from it. Take the zero with saline"
+            )
+            found.append(QualityFinding("note", text, record.run, level.channel))
         elif math.isfinite(left) and abs(left) > ZERO_LIMIT:
             stated = "" if not head else f" its stated height explains {head:+.0f} Pa of it;"
             text = (
