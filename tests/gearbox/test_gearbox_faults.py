@@ -38,7 +38,7 @@ def refused(recording: Recording) -> str:
         findings_of(recording)
     said = [finding.message for finding in check(recording) if finding.level == "error"]
     assert said
-    assert said[0].rstrip(".")[:60] in str(caught.value)
+    assert said[0].removeprefix(f"run '{recording.run}' ").rstrip(".")[:60] in str(caught.value)
     return str(caught.value)
 
 
