@@ -11,6 +11,8 @@ from pipeline.findings import Findings
 from pipeline.recording import Recording
 from pipeline.rigs.rap.pressures.check import check
 from pipeline.rigs.rap.pressures.sections import sections
+from pipeline.rigs.rap.pressures.spikes import spikes
+from pipeline.rigs.rap.tables import Signal
 
 READERS = ("rap", "bench", "prot")
 TAPS = ("access", "prefilter", "return", "uf")
@@ -333,3 +335,11 @@ def test_meter_without_a_place_is_told() -> None:
     assert "flowmeter_location is not stated" in messages(findings)
     assert findings.verdict == "warning"
     assert findings.one("r_access").value == pytest.approx(1.4e9, rel=0.003)
+
+
+def test_noise_of_coarse_readings_at_rest_is_no_spike() -> None:
+    noise = np.random.default_rng(4).normal(0.0, 25.0, 300)
+    rest = Signal("pressure_uf_rap", np.arange(300) / 20.0, np.round(noise / 26.0) * 26.0)
+    assert not spikes(rest).any()
+    struck = Signal(rest.name, rest.time, rest.values + np.where(np.arange(300) == 150, 2e4, 0.0))
+    assert list(np.flatnonzero(spikes(struck))) == [150]
