@@ -105,7 +105,9 @@ def test_delay_of_drifts_is_that_of_the_fact_sheet(slope, delay):
 
 
 def test_two_mismatches_are_two_and_have_ends():
-    both = lambda t: 400.0 * ((t >= 100.0) & (t < 140.0)) - 200.0 * ((t >= 400.0) & (t < 450.0))  # noqa: E731
+    def both(t):
+        return 400.0 * ((t >= 100.0) & (t < 140.0)) - 200.0 * ((t >= 400.0) & (t < 450.0))
+
     found = _found(_pair(change=both)).mismatches
     assert [m.index for m in found] == [1, 2]
     assert [np.sign(m.size) for m in found] == [1.0, -1.0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -177,8 +177,8 @@ def _reason(name: str, verdict: Verdict, found: Differences, at: list[float], ma
     )
 
 
-def _minutes(times: object) -> str:
-    words = [f"{float(time) / 60.0:g}" for time in times]  # type: ignore[attr-defined]
+def _minutes(times: Iterable[float]) -> str:
+    words = [f"{float(time) / 60.0:g}" for time in times]
     return f"{', '.join(words)} min"
 
 

@@ -109,16 +109,18 @@ def _augmented(c: Circuit, poles: Poles) -> tuple[np.ndarray, np.ndarray]:
 
 
 @nb.njit(cache=True)
-def _sucked(phase, w):  # type: ignore[no-untyped-def]
+def _sucked(phase: float, w: float) -> Any:
     """Share of the back suction that is over at `phase` (0 to 1) of a passage: the integral of h."""
     return 1.0 if phase >= w else (phase - w / (2.0 * np.pi) * np.sin(2.0 * np.pi * phase / w)) / w
 
 
 @nb.njit(cache=True)
-def _march(  # type: ignore[no-untyped-def]
-    A, B, Ad, Bd, speed, V_g, uf, which, heparin, V_d0, C_p, w, eps, a, steps,
-    order, moments, group, columns, out, phase_out, states, volumes,
-):  # fmt: skip
+def _march(
+    A: np.ndarray, B: np.ndarray, Ad: np.ndarray, Bd: np.ndarray, speed: np.ndarray, V_g: np.ndarray, uf: np.ndarray,
+    which: np.ndarray, heparin: Any, V_d0: float, C_p: float, w: float, eps: np.ndarray, a: float, steps: int,
+    order: np.ndarray, moments: np.ndarray, group: np.ndarray, columns: np.ndarray, out: np.ndarray,
+    phase_out: np.ndarray, states: np.ndarray, volumes: np.ndarray,
+) -> None:  # fmt: skip
     dt = 0.05 / steps
     x, new, u = np.zeros(17), np.zeros(17), np.zeros(3)
     phase, i, n = 0.0, 0, moments.size

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from pipeline.findings import Findings
@@ -142,8 +144,8 @@ def _delays(findings: Findings) -> list[Table]:
     return blocks
 
 
-def _stopped(row: dict[str, object]) -> Cell:
-    if not np.isfinite(float(row["time"])):  # type: ignore[arg-type]
+def _stopped(row: dict[str, Any]) -> Cell:
+    if not np.isfinite(float(row["time"])):
         return None
     return "stopped" if row["uf_stopped"] else "ran on"
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from pipeline.findings import Findings
@@ -38,8 +40,8 @@ def of_membrane(findings: Findings) -> list[Figure | Table | Text]:
     return [*blocks, Text([f"What else would look like this trend: {'; '.join(told)}."])] if told else blocks
 
 
-def _told(row: dict[str, object] | None, name: str) -> Cell:
-    value = float(row[name]) if row else np.nan  # type: ignore[arg-type]
+def _told(row: dict[str, Any] | None, name: str) -> Cell:
+    value = float(row[name]) if row else np.nan
     if not np.isfinite(value):
         return None
     if name == "p":
