@@ -48,6 +48,7 @@ def test_spring_and_damper_are_found_and_nothing_else(motion: str) -> None:
         assert findings.verdict == "warning"
 
 
+@pytest.mark.thorough
 def test_an_undetermined_k2_does_not_contradict_itself() -> None:
     for parameter in identified("chirp", 0).parameters:
         assert not (parameter.value is None and "standard error would be 0." in parameter.description)

@@ -203,6 +203,7 @@ def test_a_good_record_stands_beside_one_that_is_left_out() -> None:
     assert_numbers_hold(findings)
 
 
+@pytest.mark.thorough
 def test_a_damper_that_the_model_does_not_describe_is_rejected(
     realdata: Path, rigfit: Callable[..., Any], tmp_path: Path
 ) -> None:

@@ -214,6 +214,7 @@ def test_a_trend_over_the_sequence_is_told_with_its_size(campaign: list[Recordin
     assert any("Stiffness changes by -3" in reason for reason in findings.reasons)
 
 
+@pytest.mark.thorough
 def test_an_untared_mass_is_found_and_the_rest_holds(campaign: list[Recording]) -> None:
     def inertia(recording: Recording) -> Recording:
         t, x = recording.signal("displacement")
@@ -269,6 +270,7 @@ def test_sliding_pads_are_suspected_from_the_plateau(campaign: list[Recording]) 
     assert said(findings, "sliding")
 
 
+@pytest.mark.thorough
 def test_an_asymmetric_force_rejects_the_model_and_is_named(campaign: list[Recording]) -> None:
     findings = identify(in_all(campaign, "force", lambda _, F: np.where(F > 0, 1.3 * F, F)))
     assert findings.verdict == "rejected"
@@ -418,12 +420,14 @@ def test_another_device_goes_through_without_pads_and_currents(campaign: list[Re
     assert_numbers_hold(findings)
 
 
+@pytest.mark.thorough
 def test_runs_at_unnamed_currents_are_rejected_with_the_condition_to_give(campaign: list[Recording]) -> None:
     findings = identify(replace(without_channel(r, "current"), conditions={}) for r in campaign)
     assert findings.verdict == "rejected"
     assert any("give 'coil_current'" in advice for advice in findings.advice)
 
 
+@pytest.mark.thorough
 def test_a_coil_that_is_not_held_is_no_single_operating_point(campaign: list[Recording]) -> None:
     switched = in_one(campaign, "current", lambda t, i: np.where(np.sin(2 * np.pi * 3 * t) > 0, i, 0.0))
     findings = identify(switched)

@@ -81,6 +81,7 @@ def test_two_runs_of_another_gain_stand_out_of_honest_scatter() -> None:
     assert set(searched(loops)[1]) == names(loops, 4, 11)
 
 
+@pytest.mark.thorough
 def test_honest_scatter_costs_no_run() -> None:
     losing = 0
     for scatter in (0.004, 0.008):

@@ -37,6 +37,7 @@ def test_a_mass_is_not_mistaken_for_scatter(mass: float) -> None:
 
 
 @pytest.mark.parametrize("scatter", [0.0, 0.004])
+@pytest.mark.thorough
 def test_scatter_is_not_mistaken_for_a_mass(scatter: float) -> None:
     decisions = [decided({"gain_scatter": scatter}, seed, 0.0) for seed in SEEDS]
     assert all(decision.mass is None for decision in decisions)

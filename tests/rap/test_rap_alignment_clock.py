@@ -81,6 +81,7 @@ def test_lag_rate_and_pole_are_recovered_within_a_fraction_of_a_millisecond():
     assert pole.value == pytest.approx(POLE, abs=6e-4)
 
 
+@pytest.mark.thorough
 def test_errors_are_as_large_as_they_say_over_twenty_runs():
     z = []
     for seed in range(20):

@@ -120,6 +120,7 @@ def test_air_takes_e2_s_flow_away_where_neither_e3_nor_a_meter_is_there_to_contr
     assert "compliance changed" in p.description
 
 
+@pytest.mark.thorough
 def test_wear_is_told_as_a_drift_against_the_meter():
     """V_g falls by 3 % in 5 h, 0.9 % in 1.5 h: a stroke of 0.68 mL then loses 1.2 %."""
     therapy = synthesize_therapy({"runs": ["rap_therapy_312"], "duration": 5400.0}, 1)

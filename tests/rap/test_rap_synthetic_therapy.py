@@ -37,6 +37,7 @@ def test_long_therapy_has_the_rows_of_the_sheet(long_run: Recording) -> None:
     }  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_regulated_volume_ends_within_two_per_mille_and_unregulated_three_per_cent_short(long_run: Recording) -> None:
     closed = long_run.values("uf_mass_scale")[-30:].mean() / 1.004
     assert closed == pytest.approx(1.560, rel=2e-3)

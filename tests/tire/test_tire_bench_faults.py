@@ -151,6 +151,7 @@ def test_a_circuit_that_no_run_states_is_told_and_what_rests_on_it_says_so():
     assert "assumed" not in found.one("rolling_radius").description
 
 
+@pytest.mark.thorough
 def test_a_wrong_assumed_circuit_leaves_no_number_in_ohm():
     truth = {"duration": 10.0, "runs": RUNS, "supply_voltage": 5.0, "adc_reference": 5.0, "divider_resistance": 2.2e4}
     unsaid = {"told": {"supply_voltage": None, "divider_resistance": None}}

@@ -36,6 +36,7 @@ def _runs(speeds=(5.0, 10.0, 20.0), seed=0, noise=1.0, load=2000.0):
     return found
 
 
+@pytest.mark.thorough
 def test_gain_and_times_are_recovered_without_bias():
     fits = [fit_film(_runs(seed=s), **LENGTHS) for s in range(24)]
     z = np.array([(f.values - TRUTH) / np.sqrt(np.diag(f.covariance)) for f in fits])

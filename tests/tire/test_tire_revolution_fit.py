@@ -44,6 +44,7 @@ def test_load_and_force_of_the_standard_drive_are_closer_than_asked(seed):
     assert abs(found.force_error.mean()) < 8.0
 
 
+@pytest.mark.thorough
 def test_standard_errors_hold_under_coloured_noise():
     Fz, Fx = [], []
     for seed in range(1, 6):

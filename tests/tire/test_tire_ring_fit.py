@@ -72,6 +72,7 @@ def test_tire_is_recovered_from_a_start_twice_off(factor):
     assert judged(found).level == "ok"
 
 
+@pytest.mark.thorough
 def test_errors_are_as_large_as_the_standard_errors():
     z = []
     for seed in range(1, 5):
