@@ -9,13 +9,13 @@ import pytest
 from rap_therapy_known import altered, cut, faults, found, made, said, short
 
 from pipeline.errors import InputError
-from pipeline.recording import Stream
+from pipeline.recording import Recording, Stream
 from pipeline.rigs.rap.therapy.check import check
 from pipeline.rigs.rap.therapy.faults import examined
 
 
-def removed(run: object) -> dict[str, str]:
-    record, _ = examined(run)  # type: ignore[arg-type]
+def removed(run: Recording) -> dict[str, str]:
+    record, _ = examined(run)
     return dict(record.removed)
 
 
