@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from pipeline import __version__
 from pipeline.campaign.conditions import SYNTHETIC
 from pipeline.campaign.ingested import Ingested
+from pipeline.campaign.parallel import in_parallel
 from pipeline.campaign.recipe import Recipe
 from pipeline.errors import InputError, counted, listing
 from pipeline.findings import Findings, Parameter, Quality, Run
@@ -49,7 +50,7 @@ def identify(
     """
     recordings = ingested.recordings()
     told = [_told(recording) for recording in recordings]
-    found = recipe.experiment.identify(recordings, recipe.settings, Context(campaign, uses, progress))
+    found = recipe.experiment.identify(recordings, recipe.settings, Context(campaign, uses, progress, in_parallel))
     noticed = [*ingested.quality, *(finding for entry in told for finding in entry.quality)]
     quality = _merged([*(_quality(finding) for finding in noticed), *found.quality])
     runs = _runs(told, found, ingested)

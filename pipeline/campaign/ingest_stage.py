@@ -29,6 +29,9 @@ from pipeline.rigs.experiment import Experiment
 
 Progress = Callable[[str], None]
 
+# What one core reads of a log of text, about.
+BYTES_A_SECOND = 32 << 20
+
 
 def ingest(
     recipe: Recipe,
@@ -79,8 +82,8 @@ def ingest(
             progress(entry.run)
         else:
             tasks[entry.run] = task
-    sizes = sum(path.stat().st_size for task in tasks.values() for _, path in task.files)
-    for run, outcome in in_parallel(_read_one, [(task, folder.resolve()) for task in tasks.values()], work=sizes):
+    seconds = sum(path.stat().st_size for task in tasks.values() for _, path in task.files) / BYTES_A_SECOND
+    for run, outcome in in_parallel(_read_one, [(task, folder.resolve()) for task in tasks.values()], seconds):
         if isinstance(outcome, str):
             failed[run] = outcome
         else:

@@ -10,24 +10,24 @@ from pipeline.campaign.cluster import VARIABLE, on_cluster
 
 Result = TypeVar("Result")
 
-# Starting worker processes costs about a second each; below this many bytes it does not pay.
-WORTH_WORKERS = 64 << 20
+# Starting worker processes costs about a second each; for less work than this it does not pay.
+WORTH_WORKERS = 2.0
 
 
-def in_parallel(function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], work: int) -> Iterable[Result]:
-    """Yield ``function(*task)`` for each task, in order.
+def in_parallel(function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], seconds: float) -> Iterable[Result]:
+    """Yield ``function(*task)`` for each task, in order; what it and its arguments must be is said at `Each`.
 
     Parameters
     ----------
-    work
-        Bytes to be read in all, which decides whether worker processes are worth their start.
+    seconds
+        About what all tasks cost one core, which decides whether worker processes are worth their start.
     """
     engine = os.environ.get(VARIABLE, "").strip()
     if engine and tasks:
         yield from on_cluster(engine, function, tasks)
         return
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if cores == 1 or len(tasks) < 2 or work < WORTH_WORKERS:
+    if cores == 1 or len(tasks) < 2 or seconds < WORTH_WORKERS:
         for task in tasks:
             yield function(*task)
         return

@@ -7,10 +7,10 @@ declarations.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, Protocol, get_args
+from typing import Any, Protocol, TypeVar, get_args
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
@@ -149,17 +149,42 @@ def _untold(_share: float, _what: str) -> None:
     """Tell nobody how far identification is."""
 
 
+Result = TypeVar("Result")
+
+
+class Each(Protocol):
+    """Does independent work on runs, wherever the user wants it done: here, on all cores, on a cluster."""
+
+    def __call__(
+        self, function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], seconds: float
+    ) -> Iterable[Result]:
+        """Yield ``function(*task)`` for each task, in order, each as soon as it and those before it are done.
+
+        `function` stands in a module, and it, its arguments and what it returns can be pickled; recordings of a campaign
+        can, and are read where the work is done. `seconds` is about what all the work costs one core: little work is
+        not sent away.
+        """
+
+
+def in_turn(function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], seconds: float) -> Iterable[Result]:
+    """Do the work here, one task after the other; see `Each`."""
+    del seconds
+    return (function(*task) for task in tasks)
+
+
 @dataclass(frozen=True)
 class Context:
     """What identification may know besides the recordings: the campaign's name, findings that it uses.
 
     ``progress(share, what)`` tells the user how much of the whole is done, from 0 to 1, and what is being done; an
-    experiment that takes seconds need not call it.
+    experiment that takes seconds need not call it. ``each(function, tasks, seconds)`` does work on single runs in
+    parallel, see `Each`; the findings do not depend on where it was done.
     """
 
     campaign: str
     uses: Mapping[str, Findings]
     progress: Callable[[float, str], None] = _untold
+    each: Each = in_turn
 
 
 @dataclass(frozen=True)

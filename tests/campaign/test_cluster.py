@@ -104,7 +104,7 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(
     monkeypatch.setenv("RIGFIT_ENGINE", cluster.address)
     tasks = [(number, str(tmp_path)) for number in range(24)]
     found = []
-    for result in in_parallel(slow_square, tasks, work=0):
+    for result in in_parallel(slow_square, tasks, seconds=0):
         found.append(result)
         if len(found) == 6:
             cluster.workers[0].send_signal(signal.SIGKILL)
