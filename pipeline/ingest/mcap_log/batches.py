@@ -6,7 +6,7 @@ Knows compression, check sums and record heads; not what a message says.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -98,8 +98,15 @@ class Messages:
         segments = self.portions[portion]
         return any(segment.counts is None or any(i in segment.counts for i in ids) for segment in segments)
 
-    def batch(self, portion: int) -> Batch:
-        """Read one portion; what cannot be used is left out and told in `losses`.
+    def batch(self, portion: int, ids: Collection[int] | None = None) -> Batch:
+        """Return one portion; what cannot be used is left out and told in `losses`.
+
+        Parameters
+        ----------
+        portion
+            Its place in `portions`.
+        ids
+            The channels that are asked for; others may be left out where that saves reading.
 
         Raises
         ------
@@ -108,6 +115,12 @@ class Messages:
         """
         if portion in self._kept:
             return self._kept[portion]
+        batch = self._read(portion, None if self._keep else ids)
+        if self._keep:
+            self._kept[portion] = batch
+        return batch
+
+    def _read(self, portion: int, ids: Collection[int] | None) -> Batch:  # noqa: ARG002  a chunk is unpacked as a whole
         parts = []
         try:
             with self.layout.path.open("rb") as file:
@@ -119,10 +132,7 @@ class Messages:
                         self._lose(segment, str(error), left_out=True)
         except OSError as error:
             raise InputError(f"{self.layout.path}: cannot be read on ({error.strerror}).") from error
-        batch = self._indexed(parts)
-        if self._keep:
-            self._kept[portion] = batch
-        return batch
+        return self._indexed(parts)
 
     def _unpacked(self, segment: Segment, data: bytes) -> tuple[Segment, bytes]:
         """Unpack a segment; of one that a power cut filled up with zeros, the part before them."""

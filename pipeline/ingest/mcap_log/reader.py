@@ -53,25 +53,43 @@ class McapReader(Reader):
             If it is no MCAP, holds no message, or none that can be read.
         """
         layout = survey_layout(path)
-        messages = Messages(layout)
-        topics = survey(messages)
-        _refuse_if_empty(layout, messages, topics)
-        zero = _second_zero(topics)
-        readable = [topic for topic in topics if topic.samples and topic.problem is None]
-        plans = {topic.name: plan(topic.samples, topic.declared.lengths) for topic in readable}
-        notes = tuple(_notes(layout, messages, topics, plans, zero))
-        tables = [
-            TopicTable(messages, topic, plans[topic.name], zero, _clock(topic, plans[topic.name])) for topic in readable
-        ]
-        for table in tables:
-            table.absolute_start = _iso(zero) if zero > _EPOCH else None
-        for topic in topics:
-            topic.forget()
-        conditions, _ = _conditions(layout, readable)
-        return RawLog(path, "MCAP", tables, conditions, _details(layout, topics, plans), notes)
+        return log_of(Messages(layout), "MCAP", _about(layout))
 
 
-def _refuse_if_empty(layout: Layout, messages: Messages, topics: Sequence[Topic]) -> None:
+def log_of(messages: Messages, format: str, about: Mapping[str, str]) -> RawLog:
+    """Return the log that these messages are: a table a topic.
+
+    Parameters
+    ----------
+    messages
+        Of a file that was mapped; also of other containers of such messages (ROS bags).
+    format, about
+        What the container is called and what `rigfit check` tells of it.
+
+    Raises
+    ------
+    InputError
+        If there is no message, or none that can be read.
+    """
+    layout = messages.layout
+    topics = survey(messages)
+    _refuse_if_empty(layout, messages, topics, format)
+    zero = _second_zero(topics)
+    readable = [topic for topic in topics if topic.samples and topic.problem is None]
+    plans = {topic.name: plan(topic.samples, topic.declared.lengths) for topic in readable}
+    notes = tuple(_notes(layout, messages, topics, plans, zero))
+    tables = [
+        TopicTable(messages, topic, plans[topic.name], zero, _clock(topic, plans[topic.name])) for topic in readable
+    ]
+    for table in tables:
+        table.absolute_start = _iso(zero) if zero > _EPOCH else None
+    for topic in topics:
+        topic.forget()
+    conditions, _ = _conditions(layout, readable)
+    return RawLog(layout.path, format, tables, conditions, {**about, **_details(layout, topics, plans)}, notes)
+
+
+def _refuse_if_empty(layout: Layout, messages: Messages, topics: Sequence[Topic], format: str) -> None:
     path = layout.path
     what = [f"{damage.reason} (byte {damage.start} of {layout.size})" for damage in layout.damages]
     for loss in messages.losses.values():
@@ -85,10 +103,10 @@ def _refuse_if_empty(layout: Layout, messages: Messages, topics: Sequence[Topic]
             raise InputError(f"{path}: {counted(unknown, 'message')}, but of no channel that the file defines.")
         if what:
             raise InputError(
-                f"{path}: nothing could be read of this MCAP file: {'; '.join(what[:3])}. It is damaged or was cut "
+                f"{path}: nothing could be read of this {format} file: {'; '.join(what[:3])}. It is damaged or was cut "
                 "off; copy it again from the recorder. Smaller chunks lose less when a recording is cut off."
             )
-        raise InputError(f"{path}: this MCAP file holds no messages. Was the recorder started on the right topics?")
+        raise InputError(f"{path}: this {format} file holds no messages. Was the recorder started on the right topics?")
     if all(topic.problem is not None or not topic.samples for topic in with_messages):
         told = "; ".join(f"topic '{topic.name}': {_why_unreadable(topic)}" for topic in with_messages[:5])
         raise InputError(f"{path}: none of its messages can be read: {told}. Supported are {SUPPORTED}.")
@@ -149,15 +167,20 @@ def _conditions(layout: Layout, topics: Sequence[Topic]) -> tuple[dict[str, str]
     return {key: value for key, value in found.items() if key not in contradicting}, contradicting
 
 
-def _details(layout: Layout, topics: Sequence[Topic], plans: Mapping[str, Plan]) -> dict[str, str]:
+def _about(layout: Layout) -> dict[str, str]:
+    """Return how the file is built."""
     kinds = Counter(s.chunk.compression or "none" for s in layout.segments if s.chunk is not None)
     chunks = ", ".join(f"{count} ({compression})" for compression, count in kinds.items())
-    details = {
+    return {
         "profile": layout.profile or "none",
         "written by": layout.library or "unknown",
         "chunks": chunks or "none",
         "summary": "yes" if layout.message_counts is not None else "no",
     }
+
+
+def _details(layout: Layout, topics: Sequence[Topic], plans: Mapping[str, Plan]) -> dict[str, str]:
+    details = {}
     for topic in topics:
         schema = f"{topic.schema.encoding or 'schema'} {topic.schema.name}".strip() if topic.schema else "no schema"
         count = _count(layout, topic)

@@ -38,13 +38,17 @@ class Schema:
 
 @dataclass(frozen=True)
 class Channel:
-    """A publisher on a topic; `encoding` is that of its messages (``json``, ``cdr``, ...)."""
+    """A publisher on a topic; `encoding` is that of its messages (``json``, ``cdr``, ...).
+
+    `problem` tells why its messages cannot be read, where the container of the log knows.
+    """
 
     id: int
     schema_id: int
     topic: str
     encoding: str
     metadata: dict[str, str]
+    problem: str | None = None
 
 
 @dataclass(frozen=True)

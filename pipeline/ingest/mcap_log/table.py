@@ -82,7 +82,7 @@ class TopicTable(RawTable):
         for portion in range(len(self._messages.portions)):
             if not self._messages.may_hold(portion, self._topic.ids):
                 continue
-            batch = self._messages.batch(portion)
+            batch = self._messages.batch(portion, self._topic.ids)
             at = batch.of(self._topic.ids)
             if not at.size:
                 continue

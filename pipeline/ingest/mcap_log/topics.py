@@ -136,6 +136,9 @@ def _is_alike(topic: Topic, channel: Channel, schema: Schema | None) -> bool:
 def _prepare(topic: Topic, channel: Channel) -> None:
     """Choose the decoder; where there is none, say so in `problem`."""
     topic.declared = Declared(metadata=channel.metadata)
+    topic.problem = channel.problem
+    if topic.problem is not None:
+        return
     schema = topic.schema
     kind = schema.encoding.lower() if schema else ""
     try:
