@@ -31,18 +31,14 @@ class _Foreign(NamedTuple):
 
 
 _FOREIGN = (
-    _Foreign("rosbag 1", (".bag",), ((0, b"#ROSBAG V"),), "convert it with 'mcap convert in.bag out.mcap'"),
-    _Foreign(
-        "SQLite (rosbag 2 .db3)", (".db3", ".sqlite", ".db"), ((0, b"SQLite format 3\0"),),
-        "convert it with 'mcap convert in.db3 out.mcap', or export its tables as CSV",
-    ),
     _Foreign("Excel or another Office file", (".xls",), ((0, b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"),), "save it as CSV"),
     _Foreign("zip (also Excel .xlsx)", (".zip", ".xlsx", ".ods"), ((0, b"PK\3\4"), (0, b"PK\5\6")),
              "unpack it first, or save the workbook as CSV"),
     _Foreign("gzip", (".gz", ".tgz"), ((0, b"\x1f\x8b"),), "unpack it first with 'gunzip'"),
     _Foreign("bzip2", (".bz2",), ((0, b"BZh"),), "unpack it first with 'bunzip2'"),
     _Foreign("xz", (".xz",), ((0, b"\xfd7zXZ\0"),), "unpack it first with 'unxz'"),
-    _Foreign("zstd", (".zst",), ((0, b"\x28\xb5\x2f\xfd"),), "unpack it first with 'unzstd'"),
+    _Foreign("zstd", (".zst", ".zstd"), ((0, b"\x28\xb5\x2f\xfd"),),
+             "unpack it first, a ROS 2 bag for example with 'zstd -d bag_0.db3.zstd -o bag_0.db3'"),
     _Foreign("lz4", (".lz4",), ((0, b"\x04\x22\x4d\x18"),), "unpack it first with 'unlz4'"),
     _Foreign("7-Zip", (".7z",), ((0, b"7z\xbc\xaf\x27\x1c"),), "unpack it first"),
     _Foreign("tar", (".tar",), ((257, b"ustar"),), "unpack it first with 'tar xf'"),

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
+import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -130,4 +134,93 @@ def write_matlab_73(path: Path, order: str = "C") -> Path:
     head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon May  6 10:00:00 2024 HDF5 schema 1.00 ."
     with path.open("r+b") as file:
         file.write(head.ljust(116) + bytes(8) + b"\x00\x02IM")
+    return path
+
+
+SAMPLE = "std_msgs/Header header\nfloat64 force\nfloat64 displacement\nstring state\n"
+
+
+def _ros_messages(ros: int) -> Iterator[tuple[str, str, int, bytes]]:
+    """Topic, type, time (ns) and bytes of messages: a laboratory's own type, and one of ROS's for the slow sensor."""
+    store = ros_types(ros)
+    sample, header, oil, clock = (
+        store.types[f"{kind}"]
+        for kind in (
+            "rig_msgs/msg/Sample",
+            "std_msgs/msg/Header",
+            "sensor_msgs/msg/Temperature",
+            "builtin_interfaces/msg/Time",
+        )
+    )
+    to_bytes = store.serialize_ros1 if ros == 1 else store.serialize_cdr
+    begin = int(BEGIN.astype(np.int64))
+    count = {"seq": 0} if ros == 1 else {}
+    events = [(round(t * 1e9), k, None) for k, t in enumerate(TIME.tolist())]
+    events += [(round((0.5 + k) * 1e9) + 1, None, k) for k in range(6)]
+    for passed, k, slow in sorted(events, key=lambda event: event[0]):
+        head = header(
+            stamp=clock(sec=(begin + passed) // 10**9, nanosec=(begin + passed) % 10**9), frame_id="rig", **count
+        )
+        if k is not None:
+            message = sample(
+                header=head, force=float(FORCE[k]), displacement=float(DISPLACEMENT[k]), state=str(STATE[k])
+            )
+            yield "/daq", "rig_msgs/msg/Sample", begin + passed, bytes(to_bytes(message, "rig_msgs/msg/Sample"))
+        else:
+            message = oil(header=head, temperature=20.0 + slow, variance=0.0)
+            kind = "sensor_msgs/msg/Temperature"
+            yield "/oil", kind, begin + passed - 1, bytes(to_bytes(message, kind))
+
+
+def ros_types(ros: int) -> Any:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg(SAMPLE, "rig_msgs/msg/Sample"))
+    return store
+
+
+def write_bag(path: Path, compression: str = "") -> Path:
+    """ROS 1's way: chunks with an index at the end; small ones, so that there are several."""
+    from rosbags.rosbag1 import Writer
+
+    writer = Writer(path)
+    writer.chunk_threshold = 20_000
+    if compression:
+        writer.set_compression(Writer.CompressionFormat[compression.upper()])
+    with writer:
+        _write_ros(writer, 1)
+    return path
+
+
+def write_db3(path: Path, compressed: bool = False) -> Path:
+    """ROS 2's way: a folder with an SQLite file, here taken out of it."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, Writer
+
+    folder = path.parent / f"{path.stem}-bag"
+    writer = Writer(folder, version=9)
+    if compressed:
+        writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with writer:
+        _write_ros(writer, 2)
+    shutil.copy(folder / f"{folder.name}.db3", path)
+    return path
+
+
+def _write_ros(writer: Any, ros: int) -> None:
+    connections: dict[str, Any] = {}
+    for topic, kind, time, content in _ros_messages(ros):
+        if topic not in connections:
+            connections[topic] = writer.add_connection(topic, kind, typestore=ros_types(ros))
+        writer.write(connections[topic], time, content)
+
+
+def write_old_db3(path: Path) -> Path:
+    """As recorders before ROS 2 Iron wrote: without definitions of messages."""
+    write_db3(path)
+    with sqlite3.connect(path) as base:
+        for table in ("schema", "metadata", "message_definitions"):
+            base.execute(f"DROP TABLE {table}")
+        base.execute("ALTER TABLE topics DROP COLUMN type_description_hash")
+    base.close()
     return path

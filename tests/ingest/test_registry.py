@@ -69,7 +69,7 @@ def test_the_formats_of_this_package_are_found_without_being_listed_anywhere() -
 @pytest.mark.parametrize(
     ("name", "content", "kind", "advice"),
     [
-        ("a.db3", b"SQLite format 3\0", "SQLite", "mcap convert"),
+        ("bag_0.db3.zstd", b"\x28\xb5\x2f\xfd\0", "zstd", "zstd -d bag_0.db3.zstd"),
         ("report.pdf", b"%PDF-1.7\n", "PDF", "the log itself"),
         ("log.csv", b"\x89PNG\r\n\x1a\n", "picture", "the log itself"),
         ("old.xls", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "Office", "CSV"),

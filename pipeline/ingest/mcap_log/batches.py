@@ -17,7 +17,7 @@ from pipeline.ingest.mcap_log import records
 from pipeline.ingest.mcap_log.layout import Layout, Segment
 from pipeline.ingest.mcap_log.records import MESSAGE_HEAD, RECORD_HEAD
 
-COMPRESSIONS = ("zstd", "lz4", "")
+COMPRESSIONS = ("zstd", "lz4", "bz2", "")
 # Chunks are meant to hold about 1 MB. Beyond these a chunk is a mistake or an attack.
 LARGEST_CHUNK = 256 << 20
 LARGEST_RATIO = 1000
@@ -261,6 +261,8 @@ def _unpack(compression: str, data: bytes, size: int, cut: bool) -> bytes:
     """Unpack at most ``size + 1`` bytes."""
     if compression == "zstd":
         return _unpack_zstd(data, size, cut)
+    if compression == "bz2":
+        return _unpack_bz2(data, size)
     import lz4.frame
 
     try:
@@ -268,6 +270,15 @@ def _unpack(compression: str, data: bytes, size: int, cut: bool) -> bytes:
     except (RuntimeError, EOFError, ValueError) as error:
         raise ChunkError(f"its lz4 data are damaged ({error})") from error
     return content
+
+
+def _unpack_bz2(data: bytes, size: int) -> bytes:
+    import bz2
+
+    try:
+        return bz2.BZ2Decompressor().decompress(data, max_length=size + 1)
+    except (OSError, EOFError, ValueError) as error:
+        raise ChunkError(f"its bz2 data are damaged ({error})") from error
 
 
 def _unpack_zstd(data: bytes, size: int, cut: bool) -> bytes:
