@@ -7,10 +7,13 @@ its place every gain would come out low (Peelle's puzzle). All arrays here are w
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+
+_BLOCK = 256  # runs; the square matrix of all runs never stands as a whole
 
 
 @dataclass(frozen=True)
@@ -46,32 +49,76 @@ class Scatter:
         return 2 * self.value**4 / self.variance_of_square if self.value > 0 else math.inf
 
 
-def gain_vectors(prediction: np.ndarray, groups: np.ndarray) -> np.ndarray:
-    """Return the prediction split by run, shape (m, runs): column g is zero outside of run g."""
-    member = groups[:, None] == np.arange(int(groups.max()) + 1)
-    return np.where(member, prediction[:, None], 0.0)
+@dataclass(frozen=True, eq=False)
+class GainVectors:
+    """The prediction split by run: column g is zero outside of run g, so that only its rows are kept.
+
+    Attributes
+    ----------
+    prediction
+        Weighted prediction, shape (m,); the columns side by side would be (m, runs).
+    groups
+        Run 0..runs-1 of each row, shape (m,).
+    runs
+        Number of columns.
+    """
+
+    prediction: np.ndarray
+    groups: np.ndarray
+    runs: int
+
+    @cached_property
+    def squares(self) -> np.ndarray:
+        """Squared length of each column, shape (runs,)."""
+        return np.bincount(self.groups, self.prediction**2, self.runs)
+
+    def across(self, rows: np.ndarray) -> np.ndarray:
+        """Return V^T rows, shape (runs, ...), for rows of shape (m, ...)."""
+        flat = rows.reshape(rows.shape[0], -1)
+        sums = [np.bincount(self.groups, self.prediction * column, self.runs) for column in flat.T]
+        return np.array(sums).T.reshape(self.runs, *rows.shape[1:])
+
+    def along(self, coefficients: np.ndarray) -> np.ndarray:
+        """Return V coefficients, shape (m, ...), for coefficients of shape (runs, ...)."""
+        return np.asarray(self.prediction.reshape(-1, *[1] * (coefficients.ndim - 1)) * coefficients[self.groups])
+
+    def columns(self, runs: Sequence[int]) -> np.ndarray:
+        """Return the columns of a few runs, shape (m, k)."""
+        return np.where(self.groups[:, None] == np.asarray(runs, dtype=int), self.prediction[:, None], 0.0)
+
+    def without(self, runs: Sequence[int]) -> GainVectors:
+        """Return the vectors with the columns of some runs zero."""
+        return replace(self, prediction=np.where(np.isin(self.groups, runs), 0.0, self.prediction))
+
+    def shrunk(self, scatter: float) -> GainVectors:
+        """Return the vectors after `whitening` with themselves."""
+        return replace(self, prediction=self.prediction / np.sqrt(1 + scatter**2 * self.squares)[self.groups])
 
 
-def whitening(V: np.ndarray, scatter: float) -> Callable[[np.ndarray], np.ndarray]:
+def gain_vectors(prediction: np.ndarray, groups: np.ndarray) -> GainVectors:
+    """Return the prediction (m,) split by run, `groups` (m,)."""
+    return GainVectors(prediction, groups, int(groups.max()) + 1)
+
+
+def whitening(V: GainVectors, scatter: float) -> Callable[[np.ndarray], np.ndarray]:
     """Return the map that makes rows of covariance I + s^2 V V^T independent with unit variance.
 
-    Inverse square root by Sherman-Morrison: along v_g the rows shrink by 1/sqrt(1 + s^2 |v_g|^2). The
-    columns of V (m, runs) have disjoint support. The map takes arrays of shape (m, ...).
+    Inverse square root by Sherman-Morrison: along v_g the rows shrink by 1/sqrt(1 + s^2 |v_g|^2). The map takes
+    arrays of shape (m, ...).
     """
-    length = np.linalg.norm(V, axis=0)
-    unit = V / np.where(length > 0, length, 1.0)
-    shrink = 1 - 1 / np.sqrt(1 + (scatter * length) ** 2)
+    squares = V.squares
+    shrink = (1 - 1 / np.sqrt(1 + scatter**2 * squares)) / np.where(squares > 0, squares, 1.0)
 
     def whiten(rows: np.ndarray) -> np.ndarray:
-        flat = rows.reshape(rows.shape[0], -1)
-        return np.asarray((flat - (unit * shrink) @ (unit.T @ flat)).reshape(rows.shape))
+        along = V.across(rows)
+        return np.asarray(rows - V.along(shrink.reshape(-1, *[1] * (along.ndim - 1)) * along))
 
     return whiten
 
 
 def estimate_scatter(
     residual: np.ndarray,
-    V: np.ndarray,
+    V: GainVectors,
     jacobian: np.ndarray,
     *,
     cap: float = 0.02,
@@ -85,7 +132,7 @@ def estimate_scatter(
         Weighted residual y - f (m,) and df/dtheta (m, p) of the fit; theta is refitted, to first order,
         for every s tried.
     V
-        Gain vectors (m, runs) of `gain_vectors`, weighted.
+        Gain vectors, weighted.
     cap
         Largest s considered; more than that is no gain error but a wrong model.
     restricted
@@ -100,9 +147,9 @@ def estimate_scatter(
 
     norms = np.linalg.norm(jacobian, axis=0)
     J = jacobian / np.where(norms > 0, norms, 1.0)
-    JJ, JV, Jr = J.T @ J, J.T @ V, J.T @ residual
+    JJ, JV, Jr = J.T @ J, V.across(J).T, J.T @ residual
     JJ = JJ + 1e-14 * np.eye(JJ.shape[0])  # directions that nothing determines
-    Vr, vv, rr = V.T @ residual, (V**2).sum(axis=0), float(residual @ residual)
+    Vr, vv, rr = V.across(residual), V.squares, float(residual @ residual)
 
     def deviance(square: float) -> float:
         D = square / (1 + square * vv)
@@ -129,12 +176,17 @@ def estimate_scatter(
     D = square / (1 + square * vv)
     M = JJ - (JV * D) @ JV.T
     JSV = JV / (1 + square * vv)  # J^T S^-1 V
-    K = np.diag(vv / (1 + square * vv))
-    if restricted:
-        K = K - JSV.T @ np.linalg.solve(M, JSV)
+    own = vv / (1 + square * vv)
+    fitted = np.linalg.solve(M, JSV) if restricted else np.zeros_like(JSV)
+    spread = 0.0  # of V^T P V, squared and summed
+    for start in range(0, V.runs, _BLOCK):
+        block = slice(start, start + _BLOCK)
+        K = -JSV[:, block].T @ fitted
+        K[np.arange(K.shape[0]), np.arange(K.shape[0]) + start] += own[block]
+        spread += float((K**2).sum())
     return Scatter(
         value=s,
-        variance_of_square=2 / max(float((K**2).sum()), 1e-300),
+        variance_of_square=2 / max(spread, 1e-300),
         upper=math.exp(above[0]) if above else cap,
         ratio=none - best,
         at_cap=s > 0.99 * cap,

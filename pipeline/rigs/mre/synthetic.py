@@ -201,7 +201,7 @@ def synthesize_shear(truth: Mapping[str, Any], seed: int) -> list[Recording]:
     """Return the runs of T5 and T6 as recordings; `truth` overrides any field of `ShearTruth`."""
     known = shear_truth(truth)
     streams = np.random.SeedSequence(seed).spawn(len(runs := shear_runs(known)))
-    return [_sine_run(known, run, np.random.default_rng(s)) for run, s in zip(runs, streams, strict=True)]
+    return [sine_run(known, run, np.random.default_rng(s)) for run, s in zip(runs, streams, strict=True)]
 
 
 def synthesize_rich(truth: Mapping[str, Any], seed: int, current: float = 0.0, duration: float = 60.0) -> Recording:
@@ -230,7 +230,8 @@ def _rich_run(current: float) -> ShearRun:
     return ShearRun(f"rich_{current:g}a", "shear_rich", float("nan"), float("nan"), current)
 
 
-def _sine_run(truth: ShearTruth, run: ShearRun, rng: np.random.Generator) -> Recording:
+def sine_run(truth: ShearTruth, run: ShearRun, rng: np.random.Generator) -> Recording:
+    """Return one harmonic run as the rig's sensors give it."""
     frequency = run.frequency * (1 + truth.frequency_error * rng.uniform(-1, 1))
     warm_up = _WARM_UP_CYCLES / frequency
     fine = np.arange(math.ceil((warm_up + truth.duration) * truth.rate * _OVERSAMPLING)) / (truth.rate * _OVERSAMPLING)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -165,10 +166,23 @@ class HarmonicModel:
     def whitened(self, rows: np.ndarray) -> np.ndarray:
         """Return rows (as `real_data`, shape (m, ...)) made independent with unit variance by run."""
         out = np.empty_like(rows, dtype=float)
-        for i, block in enumerate(self.blocks):
-            here = self.groups == i
-            out[here] = (block @ rows[here].reshape(block.shape[1], -1)).reshape(rows[here].shape)
+        for here, blocks in self._blocks_alike:
+            part = rows[here]
+            out[here] = (blocks @ part.reshape(*here.shape, -1)).reshape(part.shape)
         return out
+
+    @cached_property
+    def _blocks_alike(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Rows (runs, k) and whitening matrices (runs, k, k) of the runs that keep as many harmonics."""
+        order = np.argsort(self.groups, kind="stable")
+        rows = np.split(order, np.cumsum([block.shape[0] for block in self.blocks])[:-1])
+        by_size: dict[int, list[int]] = {}
+        for i, block in enumerate(self.blocks):
+            by_size.setdefault(block.shape[0], []).append(i)
+        return [
+            (np.array([rows[i] for i in alike]), np.array([self.blocks[i] for i in alike]))
+            for alike in by_size.values()
+        ]
 
     def noise_around(self, q: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return the whitening matrices with the noise of x carried through the model at a fit."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.estimation.scatter import Scatter
+from pipeline.estimation.scatter import GainVectors, Scatter
 from pipeline.estimation.separable import covariance_of
 from pipeline.estimation.uncertainty import clustered
 
@@ -79,11 +79,11 @@ class Errors:
 
 
 def errors_with_scatter(
-    jacobian: np.ndarray, V: np.ndarray, scatter: Scatter, factor: float, held: np.ndarray
+    jacobian: np.ndarray, V: GainVectors, scatter: Scatter, factor: float, held: np.ndarray
 ) -> Errors:
     """Return the errors of a (generalised) least-squares fit.
 
-    `jacobian` (rows, p) and the gain vectors `V` (rows, runs) are whitened, `factor` multiplies the
+    `jacobian` (rows, p) and the gain vectors `V` are whitened, `factor` multiplies the
     covariance (Birge), `held` (p,) marks parameters at a bound: the others take them as known.
     """
     covariance = covariance_of(jacobian)[0] * factor
@@ -93,7 +93,7 @@ def errors_with_scatter(
         covariance[np.ix_(~held, ~held)] = covariance_of(jacobian[:, ~held])[0] * factor
     if scatter.value == 0:
         return Errors(covariance, np.zeros((jacobian.shape[1], 0)), 0.0)
-    pull = covariance @ np.where(held[:, None], 0.0, jacobian.T @ V)
+    pull = covariance @ np.where(held[:, None], 0.0, V.across(jacobian).T)
     return Errors(covariance, pull, scatter.variance_of_square)
 
 

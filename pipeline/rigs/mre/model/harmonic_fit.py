@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate, undetermined
-from pipeline.estimation.scatter import Scatter, estimate_scatter, gain_vectors, whitening
+from pipeline.estimation.scatter import GainVectors, Scatter, estimate_scatter, gain_vectors, whitening
 from pipeline.estimation.separable import RowMap, SeparableFit, fit_separable, multi_start
 from pipeline.rigs.mre.model.determination import judge
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit, VariantFit
@@ -180,7 +180,7 @@ def _finished(
     if options.scatter and len(model.loops) > 1:
         scatter, fit, V = _with_scatter(model, base, groups, options.scatter_cap, held_scatter)
     else:
-        scatter, fit, V = _NO_SCATTER, base, np.zeros((groups.size, 0))
+        scatter, fit, V = _NO_SCATTER, base, gain_vectors(np.zeros(groups.size), groups)
     factor = max(fit.chi2 / max(fit.dof, 1), 1.0)
     missed = rms_force(model.real_data - model.predicted(fit.q, fit.c), 1) / rms_force(model.real_data, 1)
     rejected = factor > REJECTED_BEYOND and missed > NEGLIGIBLE and held_scatter is None
@@ -208,11 +208,14 @@ def _finished(
     V_raw = gain_vectors(model.whitened(model.real_data) - raw, groups)
     runs = [loop.run for loop in model.loops]
     square = scatter.value**2
-    gains = square * (V_raw.T @ raw) / (1 + square * (V_raw**2).sum(axis=0))
+    gains = square * V_raw.across(raw) / (1 + square * V_raw.squares)
     signal = model.real_data
 
+    order = np.argsort(groups, kind="stable")
+    ends = np.cumsum(np.bincount(groups, minlength=len(runs)))[:-1]
+
     def each_run(rows: np.ndarray) -> list[np.ndarray]:
-        return [rows[groups == i] for i in range(len(runs))]
+        return np.split(rows[order], ends)
 
     return DynamicFit(
         loops=model.loops,
@@ -249,7 +252,7 @@ def _finished(
 
 def _with_scatter(
     model: HarmonicModel, base: SeparableFit, groups: np.ndarray, cap: float, held: float | None
-) -> tuple[Scatter, SeparableFit, np.ndarray]:
+) -> tuple[Scatter, SeparableFit, GainVectors]:
     """Return the run scatter, the fit that allows for it, and its whitened gain vectors.
 
     The gain vectors are the model's prediction, renewed in each pass; never the data (Peelle's puzzle).
@@ -273,7 +276,7 @@ def _with_scatter(
         if abs(scatter.value - before) < 1e-3 * scatter.value:
             break
         before = scatter.value
-    return scatter, fit, whiten(V)
+    return scatter, fit, V.shrunk(scatter.value)
 
 
 def _natural(model: HarmonicModel, fit: SeparableFit) -> tuple[list[Key], np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.estimation.scatter import Scatter, estimate_scatter, gain_vectors, whitening
+from pipeline.estimation.scatter import GainVectors, Scatter, estimate_scatter, gain_vectors, whitening
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.dynamic_model import HarmonicModel, real_rows
 
@@ -42,7 +42,7 @@ class ColumnTest:
 
 
 class Linearised:
-    """Whitened residual, Jacobian (m, p) and gain vectors (m, runs) of a fit without run scatter."""
+    """Whitened residual, Jacobian (m, p) and gain vectors of a fit without run scatter."""
 
     def __init__(self, fit: DynamicFit, scatter_cap: float, mass: bool = False) -> None:
         """`mass` adds the column of an untared mass, so that it is not taken for something else."""
@@ -62,7 +62,7 @@ class Linearised:
 
     def deviance_at(self, fit: DynamicFit) -> float:
         """Return -2 ln(likelihood) of the fit itself at its run scatter, constants left out."""
-        return fit.chi2 + float(np.log1p(fit.run_scatter**2 * (self.gains**2).sum(axis=0)).sum())
+        return fit.chi2 + float(np.log1p(fit.run_scatter**2 * self.gains.squares).sum())
 
     def without(self, runs: Sequence[int]) -> float:
         """Return chi2 per degree of freedom of the other runs, no run scatter, refitted to first order."""
@@ -74,9 +74,10 @@ class Linearised:
         """Return sets of runs by how much chi2 falls with gains of their own, the most first."""
         whiten = whitening(self.gains, max(scatter, LEAST_SCATTER))
         basis, _ = np.linalg.qr(whiten(self.jacobian))
-        Z, r = whiten(self.gains), whiten(self.residual)
-        Z = Z - basis @ (basis.T @ Z)
-        G, b = Z.T @ Z, Z.T @ r
+        Z, r = self.gains.shrunk(max(scatter, LEAST_SCATTER)), whiten(self.residual)
+        taken = Z.across(basis)  # what the parameters take of each gain
+        G = np.diag(Z.squares) - taken @ taken.T
+        b = Z.across(r) - taken @ (basis.T @ r)
 
         def fall(chosen: tuple[int, ...]) -> float:
             own = list(chosen)
@@ -86,19 +87,19 @@ class Linearised:
 
     def test_gains(self, own: Sequence[int], beside: Sequence[int] = ()) -> ColumnTest:
         """Test gains of their own for the runs `own`, where the runs `beside` have theirs already."""
-        return self._test(self.gains[:, list(own)], list(beside), [*own, *beside])
+        return self._test(self.gains.columns(own), list(beside), [*own, *beside])
 
     def test_trend(self, order: np.ndarray) -> ColumnTest:
         """Test a gain that changes linearly with `order`, shape (runs,)."""
-        return self._test((self.gains @ order)[:, None], [], [])
+        return self._test(self.gains.along(order)[:, None], [], [])
 
     def _test(self, columns: np.ndarray, beside: list[int], freed: list[int]) -> ColumnTest:
         """F-test of columns; the scale is what is left with them, of scatter and noise."""
         from scipy.special import fdtrc
 
-        before = np.c_[self.jacobian, self.gains[:, beside]]
+        before = np.c_[self.jacobian, self.gains.columns(beside)]
         J = np.c_[before, columns]
-        V = np.delete(self.gains, freed, axis=1)
+        V = self.gains.without(freed)
         left: Scatter = estimate_scatter(self.residual, V, J, cap=self.cap)
         whiten = whitening(self.gains, max(left.value, LEAST_SCATTER))
         r, J_w = whiten(self.residual), whiten(J)
@@ -113,13 +114,14 @@ class Linearised:
         chance = float(fdtrc(k, dof, max(gained, 0.0) / k)) if dof > 0.5 else 1.0
         return ColumnTest(coefficients, sd, left.value, left.deviance, chance)
 
-    def _contrasts(self, V: np.ndarray, J: np.ndarray) -> float:
+    def _contrasts(self, V: GainVectors, J: np.ndarray) -> float:
         """Return how many differences of gain the parameters leave to be seen, were they as large as the cap."""
         whiten = whitening(V, self.cap)
         basis, _ = np.linalg.qr(whiten(J))
-        seen = self.cap * whiten(V)
-        seen = seen - basis @ (basis.T @ seen)
-        return float(((seen.T @ seen) ** 2).sum())
+        seen = V.shrunk(self.cap)
+        own, taken = self.cap**2 * seen.squares, self.cap * seen.across(basis)
+        overlap = taken.T @ taken
+        return float((own**2).sum() - 2 * (own * (taken**2).sum(axis=1)).sum() + (overlap**2).sum())
 
 
 def _chi2(residual: np.ndarray, jacobian: np.ndarray) -> float:
