@@ -25,6 +25,8 @@ _VERSION = b"#ROSBAG V2.0\n"
 _LONGEST_HEAD = 1 << 16
 _LONGEST_DATA = 64 << 20
 _RUN_BYTES = 1 << 20
+# The bag's first record is padded to 4096 bytes.
+_BEHIND_THE_HEAD = len(_VERSION) + 4096
 _COMPRESSIONS = {"none": ""}
 # Of a chunk that was never finished nothing tells its size; no packing of logs gains more than this.
 _MOST_GAINED = 50
@@ -78,7 +80,8 @@ class _Walk:
             try:
                 at = self.take(at)
             except MalformedError as error:
-                resume = next((chunk for chunk in self.indexed_chunks() if chunk > at), self.layout.size)
+                behind = [_BEHIND_THE_HEAD] if at < _BEHIND_THE_HEAD else self.indexed_chunks()
+                resume = next((chunk for chunk in behind if at < chunk < self.layout.size), self.layout.size)
                 self.layout.damages.append(Damage(at, resume, str(error)))
                 for segment in self.layout.segments[-1:]:
                     segment.counts = None  # its index may be what was lost

@@ -66,6 +66,8 @@ def survey_rows(layout: Layout, base: sqlite3.Connection) -> list[tuple[int, int
                 lost.append((segment.offset, segment.offset + segment.length))
             elif segment.counts:
                 layout.segments.append(segment)
+    if lost and not layout.segments:
+        raise sqlite3.DatabaseError("none of its messages can be read")
     return _joined(sorted(lost))
 
 
@@ -75,9 +77,12 @@ def _first_and_last(base: sqlite3.Connection) -> tuple[int, int, bool] | None:
         first, last = base.execute("SELECT min(id), max(id) FROM messages").fetchone()
         return None if first is None else (int(first), int(last), True)
     first = last = None
-    with suppress(sqlite3.DatabaseError):
+    try:
         for (row,) in base.execute("SELECT id FROM messages NOT INDEXED"):
             first, last = row if first is None else first, row
+    except sqlite3.DatabaseError:
+        if first is None or last is None:
+            raise
     return None if first is None or last is None else (int(first), int(last), False)
 
 
