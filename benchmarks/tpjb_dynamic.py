@@ -90,11 +90,15 @@ def write_log(folder: Path, seconds: float) -> Path:
         columns |= {"acc_ua": acceleration[0] + 5e-3 * noise[10], "acc_va": acceleration[1] + 5e-3 * noise[11]}
         columns["speed"] = truth.SHAFT_SPEED + 0.02 * noise[12]
         writer.add(t, columns)
-    conditions = {"static_load": 40e3, "shaft_speed_nominal": truth.SHAFT_SPEED, "stator_mass": 900.0}
+    conditions: dict[str, Any] = {"static_load": 40e3, "shaft_speed_nominal": truth.SHAFT_SPEED, "stator_mass": 900.0}
     conditions |= {"stabilizer_stiffness": 5e6, "z1": -0.12, "z2": 0.12, "test": "dynamic"}
     about = {"run": "long", "stream": "", "conditions": {**conditions, "excitation_tones": "7 11 13 19 23 29 37 43 Hz"}}
     writer.close(
-        {**about, "quality": [], "provenance": {"files": [], "repairs": [], "condition_sources": {}, "version": ""}}
+        {
+            **about,
+            "quality": [],
+            "provenance": {"files": [], "repairs": [], "condition_sources": {}, "version": "", "begins": None},
+        }
     )
     return path
 
