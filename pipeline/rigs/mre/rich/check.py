@@ -8,6 +8,7 @@ from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.rich.records import usable_records
 from pipeline.rigs.mre.shear.faults import say_varying
+from pipeline.rigs.mre.shear.operating import held_of
 from pipeline.rigs.nothing_usable import nothing_usable
 
 
@@ -22,5 +23,5 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
     runs = usable_records([recording])
     if not runs.records:
         raise InputError(nothing_usable(runs.left_out, [recording]))
-    say_varying([recording], runs)
+    say_varying([held_of(recording)], runs)
     return [finding for finding in runs.quality if finding.level != "note"]

@@ -15,6 +15,7 @@ from pipeline.rigs.mre.rich.online_verdict import CONVERGED
 from pipeline.rigs.mre.rich.unmodelled import causes, curved
 from pipeline.rigs.mre.shear.check import MODULUS_RANGE
 from pipeline.rigs.mre.shear.faults import say_preload_by_field, say_remanence, say_varying
+from pipeline.rigs.mre.shear.operating import held_of
 from pipeline.rigs.mre.shear.runs import apart
 from pipeline.rigs.mre.shear.samples import number_of
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
@@ -30,12 +31,13 @@ _LEAST_FORCE, _LARGEST_DISPLACEMENT = 1.0, 0.1
 
 def say_faults(runs: SortedRuns, recordings: Sequence[Recording], fits: Sequence[RichFit]) -> list[str]:
     """Add what records and fits show to the quality of `runs`; return what casts doubt on the numbers."""
+    held = [held_of(recording) for recording in recordings]
     doubts = [
         _modulus(runs, fits),
         _labels(runs, recordings),
-        say_varying(recordings, runs),
-        say_preload_by_field(runs, recordings),
-        say_remanence(runs, recordings),
+        say_varying(held, runs),
+        say_preload_by_field(runs, held),
+        say_remanence(runs, held),
         *(doubt for fit in fits for doubt in _unsteady(runs, fit)),
         *(_mass(runs, fit) for fit in fits),
         *(_late(fit) for fit in fits),

@@ -11,14 +11,14 @@ import pandas as pd
 from pipeline.findings import Parameter
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.leave_one_out import LeaveOneOut
-from pipeline.rigs.mre.model.loop import Loop, curve, drift_degree
+from pipeline.rigs.mre.model.loop import Loop, curve
 from pipeline.rigs.mre.model.time_fit import TimeFit
 from pipeline.rigs.mre.shear.parameters import run_metrics
 from pipeline.rigs.mre.shear.preload import PreloadTable
 from pipeline.rigs.mre.shear.residuals import METRICS, agreement, field_laws, residual_checks
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
 
-_POINTS, _SAMPLES, _SERIES = 256, 400, 3000
+_POINTS, _SERIES = 256, 3000
 # Beyond this many runs only the tables per run are kept, not every loop.
 _LOOPS_KEPT = 60
 # Model lines: runs whose frequency (or amplitude) differs by less than this ratio share one; how far a line goes
@@ -68,7 +68,11 @@ def _runs(runs: SortedRuns, fit: DynamicFit | None, without: LeaveOneOut | None)
             "samples": usable.series.time.size,
         }
         if usable.loop is not None:
-            row |= {"frequency": usable.loop.frequency, "cycles": usable.loop.duration * usable.loop.frequency}
+            row |= {
+                "samples": usable.loop.n_samples,
+                "frequency": usable.loop.frequency,
+                "cycles": usable.loop.duration * usable.loop.frequency,
+            }
             row |= {"force_noise": usable.loop.sigma_f, "displacement_noise": usable.loop.sigma_x}
             for metric in run_metrics(usable, fit):
                 row |= {metric.name: metric.value, f"{metric.name}_low": (metric.ci95 or (None, None))[0]}
@@ -107,21 +111,8 @@ def _samples(runs: SortedRuns) -> pd.DataFrame:
     for usable in runs.loops[:_LOOPS_KEPT]:
         assert usable.loop is not None
         series = usable.series
-        step = max(series.time.size // _SAMPLES, 1)
-        x = _without_drift(series.time, series.x, usable.loop.X, usable.loop)[::step]
-        F = _without_drift(series.time, series.F, usable.loop.F, usable.loop)[::step]
-        parts.append(pd.DataFrame({"run": usable.run, "displacement": x, "force": F}))
+        parts.append(pd.DataFrame({"run": usable.run, "displacement": series.x, "force": series.F}))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
-
-
-def _without_drift(time: np.ndarray, values: np.ndarray, harmonics: np.ndarray, loop: Loop) -> np.ndarray:
-    """Return the samples less the slow drift that the regression of the loop takes out as well."""
-    phase = loop.omega * (time - time[0])
-    steady = np.zeros(time.size)
-    for order, coefficient in enumerate(harmonics, 1):
-        steady += (coefficient * np.exp(1j * order * loop.omega * time[0]) * np.exp(1j * order * phase)).real
-    drift = np.polynomial.Polynomial.fit(time, values - steady, drift_degree(loop.frequency * loop.duration))
-    return np.asarray(values - drift(time))
 
 
 def _half_cycles(runs: SortedRuns) -> pd.DataFrame:

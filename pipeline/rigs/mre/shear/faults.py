@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from pipeline.errors import listing
-from pipeline.recording import Recording
+from pipeline.errors import counted, listing
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions, identify_loops
 from pipeline.rigs.mre.model.loop import N_F, Loop, curve, half_range
 from pipeline.rigs.mre.shear.check import MODULUS_RANGE
 from pipeline.rigs.mre.shear.labels import say_labels
+from pipeline.rigs.mre.shear.operating import Held
 from pipeline.rigs.mre.shear.sampling import say_coarse
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
 from pipeline.rigs.mre.shear.trend import say_trend
@@ -29,18 +28,18 @@ _PLATEAU, _LEAST_FRICTION = 0.25, 0.1
 _LARGE_SCATTER = 0.012
 
 
-def say_faults(runs: SortedRuns, recordings: Sequence[Recording]) -> list[str]:
+def say_faults(runs: SortedRuns) -> list[str]:
     """Add what the loops alone show to the quality of `runs`; return what casts doubt on the numbers."""
     doubts = [
         _modulus(runs),
-        *say_labels(runs, recordings),
+        *say_labels(runs),
         say_coarse(runs),
         *say_unsteady(runs),
-        say_varying(recordings, runs),
+        say_varying(runs.held, runs),
         _shape(runs),
         _slip(runs),
-        say_preload_by_field(runs, recordings),
-        say_remanence(runs, recordings),
+        say_preload_by_field(runs, runs.held),
+        say_remanence(runs, runs.held),
     ]
     return [doubt for doubt in doubts if doubt]
 
@@ -126,24 +125,23 @@ def _modulus(runs: SortedRuns) -> str:
     return doubt
 
 
-def say_varying(recordings: Sequence[Recording], runs: SortedRuns) -> str:
+def say_varying(held: Sequence[Held], runs: SortedRuns) -> str:
     """Doubt runs during which the coil was not held at one current or voltage."""
     found: dict[str, str] = {}
     used = {usable.run for usable in runs.usable}
-    for recording in recordings:
+    for one in held:
         for channel, unit, least in (("current", "A", 0.25), ("voltage", "V", 0.5)):
-            if recording.run in used and channel in recording and recording.run not in found:
-                values = recording.values(channel)
-                values = values[np.isfinite(values)]
-                low, high = np.quantile(values, [0.02, 0.98]) if values.size else (0.0, 0.0)
+            if one.run in used and channel in one.ranges and one.run not in found:
+                low, high = one.ranges[channel]
                 if high - low > max(least, 0.1 * abs(low + high)):
-                    found[recording.run] = f"coil {channel} runs from {low:.2g} to {high:.2g} {unit}"
-                    message = f"the {found[recording.run]} during the run; the model holds for one operating point."
-                    runs.say("warning", recording.run, message, channel)
+                    found[one.run] = f"coil {channel} runs from {low:.2g} to {high:.2g} {unit}"
+                    message = f"the {found[one.run]} during the run; the model holds for one operating point."
+                    runs.say("warning", one.run, message, channel)
     if not found:
         return ""
     run, told = next(iter(found.items()))
-    return f"Run {run} is no single operating point: the {told}, while the model knows one only."
+    more = f", and {counted(len(found) - 1, 'more run')} likewise" if len(found) > 1 else ""
+    return f"Run {run} is no single operating point: the {told}{more}, while the model knows one only."
 
 
 def _shape(runs: SortedRuns) -> str:
@@ -209,21 +207,15 @@ def _plateau(loop: Loop) -> float:
     return min(shares)
 
 
-def _mean(recording: Recording, channel: str) -> float:
-    values = recording.values(channel)
-    values = values[np.isfinite(values)]
-    return float(values.mean()) if values.size else math.nan
-
-
-def say_preload_by_field(runs: SortedRuns, recordings: Sequence[Recording]) -> str:
+def say_preload_by_field(runs: SortedRuns, held: Sequence[Held]) -> str:
     """Say where the field changed the axial load that the label gives for 0 A."""
     worst, change, measured = None, 0.0, 0.0
-    for recording in recordings:
-        preload = recording.conditions.get("preload")
-        if "force_axial" in recording and isinstance(preload, float) and preload > 0:
-            load = _mean(recording, "force_axial")
+    for one in held:
+        preload = one.conditions.get("preload")
+        if "force_axial" in one.means and isinstance(preload, float) and preload > 0:
+            load = one.means["force_axial"]
             if abs(load / preload - 1) > max(_PRELOAD_CHANGE, abs(change)):
-                worst, change, measured = recording.run, load / preload - 1, load
+                worst, change, measured = one.run, load / preload - 1, load
     if worst is None:
         return ""
     runs.say(
@@ -236,17 +228,17 @@ def say_preload_by_field(runs: SortedRuns, recordings: Sequence[Recording]) -> s
     return f"The axial load differs from the set preload by up to {100 * change:+.0f} %; increments contain that."
 
 
-def say_remanence(runs: SortedRuns, recordings: Sequence[Recording]) -> str:
+def say_remanence(runs: SortedRuns, held: Sequence[Held]) -> str:
     """Say where flux stays without current, and return that as a doubt; empty where none does."""
     left: dict[str, float] = {}
-    for recording in recordings:
-        if "flux_density" in recording and recording.conditions.get("coil_current") == 0:
-            field = _mean(recording, "flux_density")
+    for one in held:
+        if "flux_density" in one.means and one.conditions.get("coil_current") == 0:
+            field = one.means["flux_density"]
             if abs(field) > _REMANENCE:
-                left[recording.run] = field
+                left[one.run] = field
                 runs.say(
                     "warning",
-                    recording.run,
+                    one.run,
                     f"{1e3 * field:.1f} mT remain at 0 A: demagnetise, and mind the order of the runs.",
                     "flux_density",
                 )

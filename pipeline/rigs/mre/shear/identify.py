@@ -10,7 +10,7 @@ from pipeline.errors import InputError, listing
 from pipeline.findings import Findings, Quality, Run
 from pipeline.recording import Recording
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.mre.flux_levels import flux_levels
+from pipeline.rigs.mre.flux_levels import flux_table
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions, Identification, identify_loops
 from pipeline.rigs.mre.model.leave_one_out import leave_one_out
@@ -22,6 +22,7 @@ from pipeline.rigs.mre.shear.arrays import arrays_of
 from pipeline.rigs.mre.shear.declaration import ShearSettings
 from pipeline.rigs.mre.shear.faults import mains_instead, say_faults, say_faults_of_fit
 from pipeline.rigs.mre.shear.odd_runs import set_odd_runs_aside
+from pipeline.rigs.mre.shear.operating import Held
 from pipeline.rigs.mre.shear.parameters import (
     VARIANT_TEXTS,
     Labels,
@@ -51,14 +52,14 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
     InputError
         If no run can be used at all.
     """
-    runs = sort_runs(recordings, settings)
+    runs = sort_runs(recordings, settings, context.each)
     condemned = not runs.usable
     if condemned:
         if not runs.faulty:
             raise InputError(nothing_usable(runs.left_out, recordings))
         runs.loops = runs.faulty
-    options = _options(settings, recordings)
-    doubts = say_faults(runs, recordings)
+    options = _options(settings, runs.held)
+    doubts = say_faults(runs)
     outcome = _Dynamic() if condemned else _dynamic(runs, options, settings)
     dynamic, fit = outcome.found, outcome.found.selected if outcome.found else None
     without = leave_one_out(fit, options) if fit is not None and len(fit.loops) > 1 else None
@@ -72,7 +73,7 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
     doubts += _undecided(dynamic) if dynamic is not None else []
     doubts += outcome.doubts
     judgement = judge(runs, fit, records.fits, doubts, condemned)
-    labels = Labels.of(recordings, fit)
+    labels = Labels.of(runs.held, fit)
     parameters = [
         *parameters_of(fit, records.fits, preloads, labels),
         *loop_parameters(runs, fit),
@@ -90,8 +91,10 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
         quality=[
             Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in runs.quality
         ],
-        runs=_runs(recordings, runs, outcome.beside),
-        arrays=arrays_of(runs, fit, without, records.fits, preloads, parameters, flux_levels(recordings)),
+        runs=_runs(runs, outcome.beside),
+        arrays=arrays_of(
+            runs, fit, without, records.fits, preloads, parameters, flux_table(held.flux for held in runs.held)
+        ),
     )
 
 
@@ -106,9 +109,9 @@ def _undecided(dynamic: Identification) -> list[str]:
     ]
 
 
-def _options(settings: ShearSettings, recordings: Sequence[Recording]) -> FitOptions:
-    lag = settings.force_lag if settings.force_lag != "fit" else _told_by_runs("force_lag", "s", recordings)
-    told = _told_by_runs("moving_mass", "kg", recordings) if settings.moving_mass == "auto" else None
+def _options(settings: ShearSettings, held: Sequence[Held]) -> FitOptions:
+    lag = settings.force_lag if settings.force_lag != "fit" else _told_by_runs("force_lag", "s", held)
+    told = _told_by_runs("moving_mass", "kg", held) if settings.moving_mass == "auto" else None
     mass = settings.moving_mass if told is None else told
     return FitOptions(
         fit_lag=lag is None,
@@ -122,7 +125,7 @@ def _options(settings: ShearSettings, recordings: Sequence[Recording]) -> FitOpt
     )
 
 
-def _told_by_runs(name: str, unit: str, recordings: Sequence[Recording]) -> float | None:
+def _told_by_runs(name: str, unit: str, held: Sequence[Held]) -> float | None:
     """Return a property of the rig that runs may tell; None where none does.
 
     Raises
@@ -130,7 +133,7 @@ def _told_by_runs(name: str, unit: str, recordings: Sequence[Recording]) -> floa
     InputError
         If two runs tell it differently.
     """
-    told = {r.run: float(v) for r in recordings if isinstance(v := r.conditions.get(name), int | float)}
+    told = {one.run: float(v) for one in held if isinstance(v := one.conditions.get(name), int | float)}
     if not told:
         return None
     (first, value), *others = told.items()
@@ -261,6 +264,6 @@ def _preloads(runs: SortedRuns, fit: DynamicFit | None) -> PreloadTable | None:
     return preload_table(fit, chosen) if len(chosen) > 1 else None
 
 
-def _runs(recordings: Sequence[Recording], runs: SortedRuns, beside: Mapping[str, str]) -> list[Run]:
+def _runs(runs: SortedRuns, beside: Mapping[str, str]) -> list[Run]:
     reasons = {**beside, **runs.left_out}
-    return [Run(run=r.run, used=r.run not in runs.left_out, reason=reasons.get(r.run, "")) for r in recordings]
+    return [Run(run=r.run, used=r.run not in runs.left_out, reason=reasons.get(r.run, "")) for r in runs.held]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from pipeline.errors import listing
-from pipeline.recording import Recording
 from pipeline.rigs.mre.shear.runs import apart
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
 
@@ -19,9 +18,9 @@ _FREQUENCY_APART, _TOGETHER_APART, _AGREES = 0.03, 0.01, 0.003
 _SAME_FACTOR, _MOST_RUNS, _SEVERAL = 0.2, 0.8, 3
 
 
-def say_labels(runs: SortedRuns, recordings: Sequence[Recording]) -> list[str]:
+def say_labels(runs: SortedRuns) -> list[str]:
     """Say which labels the records contradict; return what casts doubt on the numbers."""
-    conditions = {recording.run: recording.conditions for recording in recordings}
+    conditions = {held.run: held.conditions for held in runs.held}
     return [
         doubt for doubt in (_frequencies(runs), _amplitudes(runs, conditions), _currents(runs, conditions)) if doubt
     ]

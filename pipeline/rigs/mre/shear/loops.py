@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.rigs.mre.model.loop import Loop, curve, fit_loop
+from pipeline.rigs.mre.model.loop import Loop, curve, drift_degree, fit_loop
 from pipeline.rigs.mre.shear.backward_loops import runs_backward
 from pipeline.rigs.mre.shear.cycles import wander_of
 from pipeline.rigs.mre.shear.declaration import ShearSettings
@@ -16,6 +16,7 @@ from pipeline.signals.periodicity import Excitation
 
 # Standard errors that the fundamental of the force must exceed.
 _FOLLOWS = 10.0
+_SHOWN = 400  # samples
 _OFFSET_SAID, _ASYMMETRY_SAID, _DRIFT_SAID = 0.05, 0.02, 0.1
 
 
@@ -63,14 +64,34 @@ def add_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
     wrong = _clipped_force(usable.series)
     if wrong:
         runs.leave_out(run, wrong, "force")
-        runs.faulty.append(replace(usable, series=series, loop=loop))
+        runs.faulty.append(replace(usable, series=shown(series, loop), loop=loop))
         return
     known_lag = settings.force_lag if settings.force_lag != "fit" else usable.told_lag
     if runs_backward(loop, known_lag or 0.0):
-        runs.backward.append(replace(usable, series=series, loop=loop))
+        runs.backward.append(replace(usable, series=shown(series, loop), loop=loop))
         return
     _say_shape(loop, usable.excitation, runs)
-    runs.loops.append(replace(usable, series=series, loop=loop, wander=wander_of(series, loop)))
+    runs.loops.append(replace(usable, series=shown(series, loop), loop=loop, wander=wander_of(series, loop)))
+
+
+def shown(series: Series, loop: Loop) -> Series:
+    """Return some hundred samples less the slow drift that the regression of the loop takes out as well."""
+    step = max(series.time.size // _SHOWN, 1)
+    motion, force = (
+        _without_drift(series.time, values, harmonics, loop)[::step]
+        for values, harmonics in ((series.x, loop.X), (series.F, loop.F))
+    )
+    return Series(series.time[::step], motion, force, series.counts[::step])
+
+
+def _without_drift(time: np.ndarray, values: np.ndarray, harmonics: np.ndarray, loop: Loop) -> np.ndarray:
+    turn = np.exp(1j * loop.omega * time)
+    steady, power = np.zeros(time.size), np.ones(time.size, dtype=complex)
+    for coefficient in harmonics[: int(np.flatnonzero(harmonics).max(initial=-1)) + 1]:
+        power *= turn
+        steady += (coefficient * power).real
+    drift = np.polynomial.Polynomial.fit(time, values - steady, drift_degree(loop.frequency * loop.duration))
+    return np.asarray(values - drift(time))
 
 
 def _clipped_force(series: Series) -> str:

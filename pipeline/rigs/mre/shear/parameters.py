@@ -12,7 +12,6 @@ from pipeline.errors import counted
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.findings import ModelResult, Parameter
 from pipeline.findings.findings import OperatingPoint
-from pipeline.recording import Recording
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.harmonic_fit import Identification
 from pipeline.rigs.mre.model.leave_one_out import LeaveOneOut
@@ -21,6 +20,7 @@ from pipeline.rigs.mre.model.time_fit import TimeFit
 from pipeline.rigs.mre.shear.declaration import PARAMETERS
 from pipeline.rigs.mre.shear.half_cycle import half_cycle_metrics
 from pipeline.rigs.mre.shear.loop_metrics import loop_metrics
+from pipeline.rigs.mre.shear.operating import Held
 from pipeline.rigs.mre.shear.preload import PreloadTable
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
 
@@ -44,9 +44,9 @@ class Labels:
     nominal: dict[float, float]
 
     @classmethod
-    def of(cls, recordings: Sequence[Recording], fit: DynamicFit | None) -> Labels:
+    def of(cls, held: Sequence[Held], fit: DynamicFit | None) -> Labels:
         """Match the levels of a fit with the currents that the conditions name."""
-        named = {r.conditions.get("coil_current") for r in recordings}
+        named = {one.conditions.get("coil_current") for one in held}
         known = sorted(float(value) for value in named if isinstance(value, float | int))
         nominal = {}
         for level in fit.levels if fit is not None else ():

@@ -13,9 +13,11 @@ import numpy as np
 
 from pipeline.errors import InputError, listing
 from pipeline.recording import Recording
+from pipeline.rigs.experiment import Each, in_turn
 from pipeline.rigs.mre.shear.backward_loops import say_backward
 from pipeline.rigs.mre.shear.declaration import ShearSettings
 from pipeline.rigs.mre.shear.loops import add_loop
+from pipeline.rigs.mre.shear.operating import held_of
 from pipeline.rigs.mre.shear.samples import Series, UnfitError, flat_tops, number_of, pads_of, samples_of
 from pipeline.rigs.mre.shear.sampling import said_alias
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
@@ -25,23 +27,34 @@ from pipeline.signals.periodicity import classify
 _CURRENT_APART = 0.1
 # A stiffness this many times that of the other runs is no gain error: a unit is wrong.
 _UNIT_FACTOR = 100.0
+_SECONDS_A_SAMPLE = 4e-6  # that one core needs
 
 
-def sort_runs(recordings: Sequence[Recording], settings: ShearSettings) -> SortedRuns:
+def sort_runs(recordings: Sequence[Recording], settings: ShearSettings, each: Each = in_turn) -> SortedRuns:
     """Look at every run and put it where it belongs."""
     runs = SortedRuns()
-    for recording in recordings:
-        try:
-            series = samples_of(recording, runs.quality.append)
-            _sort_one(recording, series, settings, runs)
-        except UnfitError as error:
-            runs.leave_out(recording.run, str(error), error.channel)
-        except InputError as error:
-            runs.leave_out(recording.run, str(error))
+    tasks = [(recording, settings) for recording in recordings]
+    samples = sum(stream.size for recording, _ in tasks for stream in recording.streams.values())
+    for alone in each(_sorted, tasks, _SECONDS_A_SAMPLE * samples):
+        runs.add(alone)
     _other_units(runs)
     say_backward(runs)
     if settings.mains_frequency > 0:
         _on_the_mains(runs, settings.mains_frequency)
+    return runs
+
+
+def _sorted(recording: Recording, settings: ShearSettings) -> SortedRuns:
+    """Look at one run."""
+    runs = SortedRuns()
+    try:
+        runs.held.append(held_of(recording))
+        series = samples_of(recording, runs.quality.append)
+        _sort_one(recording, series, settings, runs)
+    except UnfitError as error:
+        runs.leave_out(recording.run, str(error), error.channel)
+    except InputError as error:
+        runs.leave_out(recording.run, str(error))
     return runs
 
 
@@ -100,6 +113,7 @@ def _usable(recording: Recording, series: Series, runs: SortedRuns) -> UsableRun
         test=str(recording.conditions.get("test", "")),
         label_frequency=number_of(recording, "frequency"),
         begins=recording.provenance.begins,
+        rate=float(1 / np.median(np.diff(series.time))),
         told_lag=number_of(recording, "force_lag"),
     )
 

@@ -6,8 +6,6 @@ it cannot be told: the label's frequency tells it, or the few samples a cycle ma
 
 from __future__ import annotations
 
-import numpy as np
-
 from pipeline.errors import listing
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
 
@@ -18,7 +16,7 @@ _ALIAS_APART = 0.03
 
 def rate_of(usable: UsableRun) -> float:
     """Return the samples per second of a run."""
-    return float(1 / np.median(np.diff(usable.series.time)))
+    return usable.rate
 
 
 def alias_of(frequency: float, rate: float) -> float:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from pipeline.recording import Level, QualityFinding
 from pipeline.rigs.mre.model.loop import Loop
 from pipeline.rigs.mre.pads import Pads
 from pipeline.rigs.mre.shear.cycles import Wander
+from pipeline.rigs.mre.shear.operating import Held
 from pipeline.rigs.mre.shear.samples import Series
 from pipeline.signals.periodicity import Excitation
 
@@ -16,7 +18,8 @@ from pipeline.signals.periodicity import Excitation
 class UsableRun:
     """A run with what it may be used for; `loop` and `wander` are there for steady loops only.
 
-    `begins` is when its log begins, in seconds since 1970, where the log has a date; `told_lag` how late
+    Of a steady loop `series` is what can be shown, some hundred samples less their drift; all samples are in the loop.
+    `rate` is in samples a second, `begins` is when its log begins, in seconds since 1970, where the log has a date; `told_lag` how late
     the force is (s), where the run tells it.
     """
 
@@ -33,6 +36,7 @@ class UsableRun:
     wander: Wander | None = None
     begins: float | None = None
     told_lag: float | None = None
+    rate: float = math.nan
 
 
 @dataclass
@@ -40,7 +44,8 @@ class SortedRuns:
     """Runs by what they are, those left out with reasons, and findings on the way.
 
     `faulty` are loops among those left out: they can be shown, not used. `backward` are loops that run the
-    wrong way round, before all runs together tell why.
+    wrong way round, before all runs together tell why. `held` tells of every
+    run where it was held.
     """
 
     loops: list[UsableRun] = field(default_factory=list)
@@ -50,6 +55,13 @@ class SortedRuns:
     faulty: list[UsableRun] = field(default_factory=list)
     backward: list[UsableRun] = field(default_factory=list)
     quality: list[QualityFinding] = field(default_factory=list)
+    held: list[Held] = field(default_factory=list)
+
+    def add(self, other: SortedRuns) -> None:
+        """Take in what was found of other runs."""
+        for kind in ("loops", "half_cycles", "records", "faulty", "backward", "quality", "held"):
+            getattr(self, kind).extend(getattr(other, kind))
+        self.left_out.update(other.left_out)
 
     def say(self, level: Level, run: str | None, message: str, channel: str | None = None) -> None:
         """Add a finding."""
