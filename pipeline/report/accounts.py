@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import PurePosixPath
 
@@ -9,6 +10,7 @@ from markupsafe import Markup
 
 from pipeline.findings import Findings, ModelResult, Published, Quality, Run
 from pipeline.findings.figures import Cell, Column, Mood, Status, Table
+from pipeline.report.gathered import MOST_TOLD, gathered, runs_cell
 from pipeline.report.numbers import plain
 from pipeline.report.parameters import condition_text, unit_of_condition
 from pipeline.report.reading_units import ReadingUnit, reading_unit, typical
@@ -70,7 +72,8 @@ def models_table(models: Sequence[ModelResult]) -> TableView:
 
 def published_table(published: Sequence[Published]) -> TableView | None:
     """Set published numbers beside those found in these logs, each pair in one unit; None where there are none."""
-    rows = _pairs([entry for entry in published if entry.basis == "logs"])
+    entries = [entry for entry in published if entry.basis == "logs"]
+    rows = _pairs(sorted(entries, key=_agreement) if len(entries) > MOST_ROWS else entries)
     return _pairs_view("published", "Published values beside those found", "", "Found", rows) if rows else None
 
 
@@ -81,10 +84,15 @@ def paper_table(published: Sequence[Published]) -> TableView | None:
     return _pairs_view("paper", "Is the paper consistent in itself", caption, "Recomputed", rows) if rows else None
 
 
+def _agreement(entry: Published) -> int:
+    """Sort what contradicts first, what agrees last."""
+    return (False, None, True).index(entry.agrees)
+
+
 def _pairs_view(name: str, title: str, caption: str, beside: str, rows: Sequence[Sequence[Shown]]) -> TableView:
     heads = [Head("Quantity"), Head("Published", number=True), Head(beside, number=True), Head("Unit"),
              Head("Agreement"), Head("Remark")]  # fmt: skip
-    return TableView(name, title, caption, heads, rows)
+    return TableView(name, title, caption, heads, rows[:MOST_ROWS], max(len(rows) - MOST_ROWS, 0))
 
 
 def _pairs(published: Sequence[Published]) -> list[list[Shown]]:
@@ -111,16 +119,28 @@ def _kind(value: float | str | None) -> str:
     return "" if isinstance(value, str) else "number"
 
 
-def quality_table(quality: Sequence[Quality]) -> TableView:
-    """List what was noticed about the data, the gravest first."""
+def quality_table(quality: Sequence[Quality], runs: Sequence[Run]) -> TableView:
+    """List what was noticed about the data, the gravest first; of many findings, those that say the same are one row."""
     ordered = sorted(quality, key=lambda finding: LEVELS.index(finding.level))
     kinds: dict[str, Mood] = {"error": "rejected", "warning": "warning", "note": "unsaid"}
-    rows: list[list[Cell]] = [
-        [Status(q.level, kinds[q.level]), q.run or "all", q.channel or NOTHING, _span(q.span), q.message]
-        for q in ordered
-    ]
     columns = [Column(text) for text in ("Level", "Run", "Channel", "Time (s)", "What was found")]
-    return table_view(Table("quality", "Findings on the data", "", columns, rows))
+    if len(ordered) <= MOST_TOLD:
+        rows: list[list[Cell]] = [
+            [Status(q.level, kinds[q.level]), q.run or "all", q.channel or NOTHING, _span(q.span), q.message]
+            for q in ordered
+        ]
+        return table_view(Table("quality", "Findings on the data", "", columns, rows))
+    names = {run.run for run in runs}
+    rows = []
+    for one in gathered([q.message for q in ordered], names, [(q.level, q.channel) for q in ordered]):
+        same = [ordered[place] for place in one.places]
+        spans = {q.span for q in same}
+        where = list(dict.fromkeys(q.run or "all" for q in same))
+        span = _span(spans.pop()) if len(spans) == 1 else NOTHING
+        level = same[0].level
+        rows.append([Status(level, kinds[level]), runs_cell(where), same[0].channel or NOTHING, span, one.text])
+    caption = f"{len(ordered)} findings; those that differ in their numbers only are one row. One by one they stand in findings.json."
+    return table_view(Table("quality", "Findings on the data", caption, columns, rows))
 
 
 def _span(span: tuple[float, float] | None) -> str:
@@ -176,17 +196,36 @@ def repairs_table(runs: Sequence[Run]) -> TableView | None:
     for run in runs:
         for repair in run.repairs:
             where.setdefault(repair, []).append(run.run)
-    rows: list[list[Cell]] = [[repair, ", ".join(found)] for repair, found in where.items()]
+    if len(where) > MOST_TOLD:
+        repairs = list(where)
+        where = {one.text: [run for place in one.places for run in where[repairs[place]]]
+                 for one in gathered(repairs, {run.run for run in runs})}  # fmt: skip
+    rows: list[list[Cell]] = [[repair, runs_cell(list(dict.fromkeys(found)))] for repair, found in where.items()]
     columns = [Column("What was changed"), Column("Runs")]
     return table_view(Table("repairs", "Repairs made to the data", "", columns, rows)) if rows else None
 
 
 def logs_table(findings: Findings) -> TableView | None:
-    """List the log files with the beginning of their SHA-256; None where there are none."""
+    """List the log files with the beginning of their SHA-256, of very many one hash of them all; None where there are none."""
     rows: list[list[Cell]] = [
         [run.run, PurePosixPath(clean(path)).name, Markup("<code>{}</code>").format(digest[:_HASH_DIGITS])]
         for run in findings.runs
         for path, digest in zip(run.files, run.sha256, strict=False)
     ]
+    if len(rows) > MOST_ROWS:
+        return _all_logs(findings.runs)
     columns = [Column("Run"), Column("File"), Column("SHA-256 begins")]
     return table_view(Table("logs", "Log files", "Whole hashes are in findings.json.", columns, rows)) if rows else None
+
+
+def _all_logs(runs: Sequence[Run]) -> TableView:
+    """Return one hash that changes with any byte of any log, and how to make it again."""
+    logs = sorted((path, digest) for run in runs for path, digest in zip(run.files, run.sha256, strict=False))
+    lines = "".join(f"{digest}  {path}\n" for path, digest in logs)
+    digest = hashlib.sha256(lines.encode(errors="surrogateescape")).hexdigest()
+    caption = (
+        "The hash of each log is in findings.json. This one is of all their lines, 'hash, two spaces, file, line end' as sha256sum "
+        "writes them, in the order of the files' names: it changes with any byte of any log."
+    )
+    rows: list[list[Cell]] = [[f"{len(logs)} logs", Markup("<code>{}</code>").format(digest)]]
+    return table_view(Table("logs", "Log files", caption, [Column("Files"), Column("SHA-256 of all")], rows))

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 from markupsafe import Markup
 
+from pipeline.errors import listing
 from pipeline.findings import Findings
 from pipeline.findings.figures import Cell, Column, Figure, Section, Table
 from pipeline.report.accounts import (
@@ -24,6 +25,7 @@ from pipeline.report.accounts import (
 )
 from pipeline.report.citation import bibtex, citation
 from pipeline.report.figure import FigureView, figure_view
+from pipeline.report.gathered import MOST_TOLD, told
 from pipeline.report.parameters import key_table, parameter_tables
 from pipeline.report.table import TableView, table_view
 from pipeline.report.words import clean
@@ -89,7 +91,7 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
     numbers = _Numbers()
     made = [
         Chapter("key", "The numbers that matter", list(numbers.given(_key(findings, experiment)))),
-        Chapter("advice", "What to do next", [Listed(findings.advice)] if findings.advice else []),
+        Chapter("advice", "What to do next", [Listed(_advice(findings))] if findings.advice else []),
     ]
     for place, section in enumerate(experiment.sections(findings), 1):
         made.append(Chapter(_anchor(section, place), clean(section.title), list(numbers.given(_section(section)))))
@@ -105,6 +107,10 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
     ]
     made += [Chapter(anchor, title, list(numbers.given(blocks))) for anchor, title, blocks in tail]
     return [chapter for chapter in made if chapter.blocks]
+
+
+def _advice(findings: Findings) -> list[str]:
+    return told(findings.advice, (run.run for run in findings.runs))
 
 
 def _some(*tables: TableView | None) -> list[Block | Figure]:
@@ -148,7 +154,9 @@ def _section(section: Section) -> Iterator[Block | Figure]:
 
 
 def _quality(findings: Findings) -> list[Block | Figure]:
-    tables = _some(quality_table(findings.quality) if findings.quality else None, repairs_table(findings.runs))
+    tables = _some(
+        quality_table(findings.quality, findings.runs) if findings.quality else None, repairs_table(findings.runs)
+    )
     return tables or [Paragraphs(["Nothing was noticed, and nothing was repaired."])]
 
 
@@ -183,13 +191,12 @@ def _facts(provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         if name == "logs" and isinstance(value, Mapping):
             continue
         if isinstance(value, Mapping):
-            told = ", ".join(f"{key} {_told(entry)}" for key, entry in value.items())
-        elif isinstance(value, list | tuple):
-            told = ", ".join(_told(entry) for entry in value)
+            entries = [f"{key} {_told(entry)}" for key, entry in value.items()]
         else:
-            told = _told(value)
-        if told:
-            yield clean(str(name)).replace("_", " "), clean(told)
+            entries = [_told(entry) for entry in value] if isinstance(value, list | tuple) else [_told(value)]
+        words = listing(entries, MOST_TOLD) if entries else ""
+        if words:
+            yield clean(str(name)).replace("_", " "), clean(words)
 
 
 def _told(value: Any) -> str:

@@ -13,6 +13,7 @@ from pipeline.findings import Findings
 from pipeline.report.accounts import quality_counts
 from pipeline.report.chapters import chapters
 from pipeline.report.citation import citation
+from pipeline.report.gathered import told
 from pipeline.report.palette import css_variables
 from pipeline.report.words import clean, harmless, shortened
 from pipeline.rigs.experiment import Experiment
@@ -52,6 +53,7 @@ def render_report(findings: Findings, experiment: Experiment, title: str, comman
         experiment=experiment,
         source=citation(experiment.references[0]) if experiment.references else "",
         verdict=VERDICTS[findings.verdict],
+        reasons=told(findings.reasons, (run.run for run in findings.runs)),
         facts=_facts(findings),
         chapters=chapters(findings, experiment, command),
     )

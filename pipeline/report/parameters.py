@@ -15,9 +15,10 @@ from markupsafe import Markup
 from pipeline.findings import Findings, Parameter
 from pipeline.findings.figures import Cell, Column, Table, Value
 from pipeline.report.numbers import Reading, aligned_readings, plain, reading
+from pipeline.report.per_run import by_place, summed_up
 from pipeline.report.reading_units import ReadingUnit, reading_unit, size_of, typical
 from pipeline.report.symbols import symbol_html
-from pipeline.report.table import Head, Shown, TableView, table_view
+from pipeline.report.table import MOST_ROWS, Head, Shown, TableView, table_view
 from pipeline.report.words import clean
 from pipeline.rigs.experiment import Experiment
 
@@ -115,16 +116,43 @@ def key_table(findings: Findings, experiment: Experiment) -> TableView:
 
 
 def parameter_tables(findings: Findings, experiment: Experiment) -> list[TableView]:
-    """Return every parameter: first those with one value, then one table for each kind of operating point."""
+    """Return every parameter: first those with one value, then one table for each kind of operating point.
+
+    Of more runs than a table shows, the parameters are summed up.
+    """
     constant = [parameter for parameter in findings.parameters if not parameter.at]
     groups: dict[tuple[str, ...], list[Parameter]] = {}
     for parameter in findings.parameters:
         if parameter.at:
             groups.setdefault(tuple(sorted(parameter.at)), []).append(parameter)
     views = [_constant_view(constant, experiment)] if constant else []
-    return views + [
-        _varying_view(part, experiment) for parameters in groups.values() for part in _narrow_enough(parameters)
-    ]
+    for kind, parameters in groups.items():
+        if "run" in kind and len({parameter.at["run"] for parameter in parameters}) > MOST_ROWS:
+            views.append(_many_runs_view(parameters, experiment, findings.campaign))
+        else:
+            views += [_varying_view(part, experiment) for part in _narrow_enough(parameters)]
+    return views
+
+
+def _many_runs_view(parameters: Sequence[Parameter], experiment: Experiment, campaign: str) -> TableView:
+    by_name: dict[str, list[Parameter]] = {}
+    for parameter in parameters:
+        by_name.setdefault(parameter.name, []).append(parameter)
+    quantities = []
+    for name, same in by_name.items():
+        unit = common_unit(same, experiment)
+        spec = next((spec for spec in experiment.parameters if spec.name == name), None)
+        about = clean(spec.description if spec else "")
+        parts = by_place(same, MOST_ROWS // len(by_name))
+        for part in parts:
+            others = {key: value for key, value in part[0].at.items() if key != "run"} if len(parts) > 1 else {}
+            place = place_of(part[0].model_copy(update={"at": others}), experiment)
+            text = (
+                symbol_of(part[0]) + Markup(" <code>{}</code>").format(clean(name)) + (f" at {place}" if place else "")
+            )
+            quantities.append((Shown(text, about if part is parts[0] else ""), unit, part))
+    conditions = "-".join(parameters[0].at)
+    return summed_up(f"parameters-{conditions}", quantities, f"rigfit export {clean(campaign)} --to csv")
 
 
 def _narrow_enough(parameters: Sequence[Parameter]) -> list[list[Parameter]]:
