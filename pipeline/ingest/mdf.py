@@ -25,13 +25,17 @@ _MARKS = (b"MDF     ", b"UnFinMF ")
 _BUS = re.compile(r"^(CAN|LIN|FLX|ETH|MOST|K_LINE)_(Data|Remote|Error|Overload)?_?Frame", re.IGNORECASE)
 # Members of the comment that tell about the program that wrote it; no conditions of a run.
 _MOST_LEFT_OUT = 8
+# Bytes of records that are unpacked at a time.
+_FRAGMENT = 8 << 20
+# A group's master may also be an angle, a distance or a count.
+_IS_TIME = 1
 
 
 class MdfReader(Reader):
     """Reads MDF files of version 2, 3 and 4, finished or not."""
 
     name = "mdf"
-    version = 1
+    version = 2
     suffixes = (".mf4", ".mdf", ".dat")
 
     def recognises(self, head: bytes, suffix: str) -> bool:
@@ -84,29 +88,46 @@ class MdfTable(RawTable):
 
     def blocks(self, names: Sequence[str] | None = None) -> Iterator[dict[str, np.ndarray]]:
         """Yield the rows as the file's data blocks hold them; see `RawTable.blocks`."""
-        wanted = [channel.name for channel in self.channels if names is None or channel.name in names]
-        measured = [name for name in wanted if self._places[name] >= 0]
-        carrier = measured[:1] or [channel.name for channel in self.channels if self._places[channel.name] >= 0][:1]
+        wanted = {c.name: self._places[c.name] for c in self.channels if names is None or c.name in names}
         if not wanted:
             return
         with _opened(self._path) as mdf:
-            read = {name: mdf.iter_get(group=self._group, index=self._places[name]) for name in {*measured, *carrier}}
-            for signals in zip(*read.values(), strict=True):
-                found = dict(zip(read, signals, strict=True))
-                if len(found[carrier[0]].timestamps):
-                    yield {name: self._values(name, found, carrier[0]) for name in wanted}
+            for fragment in _fragments(mdf, self._group):
+                block = {name: self._values(mdf, name, place, fragment) for name, place in wanted.items()}
+                sizes = {values.shape for values in block.values()}
+                if len(sizes) > 1:
+                    raise InputError(
+                        f"{self._path}: this MDF file is broken: channels of the group '{self.name}' have different numbers of "
+                        "samples. Let the logger finish it, or copy it again."
+                    )
+                if sizes != {(0,)}:
+                    yield block
 
-    def _values(self, name: str, found: dict[str, Any], carrier: str) -> np.ndarray:
-        if self._places[name] < 0:
-            return as_numbers(np.asarray(found[carrier].timestamps))
-        samples = np.asarray(found[name].samples)
+    def _values(self, mdf: Any, name: str, place: int, fragment: Any) -> np.ndarray:
+        if place < 0:
+            return as_numbers(np.asarray(mdf.get_master(self._group, data=fragment, one_piece=True)))
+        samples, invalid = mdf.get(
+            group=self._group, index=place, data=fragment, samples_only=True, ignore_invalidation_bits=True
+        )
         if name in self._text:
-            return as_text(samples)
-        values = as_numbers(samples)
-        invalid = found[name].invalidation_bits
+            return as_text(np.asarray(samples))
+        values = as_numbers(np.asarray(samples))
         if invalid is not None:
             values[np.asarray(invalid, dtype=bool)] = np.nan
         return values
+
+
+def _fragments(mdf: Any, group: int, records: int | None = None) -> Iterator[Any]:
+    """Yield the records of a group, or the first of them, some megabytes at a time, for all of its channels.
+
+    The library's own `iter_get` reads and unpacks them again for each channel, and drops the invalid samples of one channel
+    while another one keeps its own.
+    """
+    mdf.configure(read_fragment_size=_FRAGMENT)
+    inner = getattr(mdf, "_mdf", mdf)
+    for fragment in inner._load_data(mdf.groups[group], record_count=records):
+        yield fragment
+        getattr(inner, "_invalidation_cache", {}).clear()
 
 
 @contextmanager
@@ -141,18 +162,23 @@ def _table(path: Path, mdf: Any, at: int, begins: str | None, left_out: list[str
     if rows == 0:
         left_out.append(f"the empty group '{called}'")
         return None
-    master = mdf.masters_db.get(at)
+    master = _time_of(mdf, at)
     channels: list[tuple[RawChannel, int]] = []
     if master is not None:
-        channels.append((RawChannel(str(group.channels[master].name) or "time", "s"), -1))
+        channels.append((RawChannel(str(master.name) or "time", "s"), -1))
     taken = {channel.name for channel, _ in channels}
+    record = next(_fragments(mdf, at, records=1))
     for place, channel in enumerate(group.channels):
-        if place == master:
+        if channel is master:
             continue
         if _BUS.match(str(channel.name)):
             left_out.append(f"frames of a bus ('{called}'), not decoded")
             return None
-        first = np.asarray(mdf.get(group=at, index=place, record_offset=0, record_count=1, samples_only=True)[0])
+        first = np.asarray(
+            mdf.get(group=at, index=place, data=record, samples_only=True, ignore_invalidation_bits=True)[0]
+        )
+        if first.dtype.names is not None and any(c.name.startswith(f"{channel.name}[") for c in group.channels):
+            continue  # its members are channels of their own
         if first.ndim != 1 or first.dtype.names is not None:
             left_out.append(f"'{channel.name}' (no single number a sample)")
             continue
@@ -162,10 +188,23 @@ def _table(path: Path, mdf: Any, at: int, begins: str | None, left_out: list[str
         taken.add(name)
         unit = str(channel.unit or getattr(channel.conversion, "unit", "") or "").strip() or None
         channels.append((RawChannel(name, unit, is_text=not is_number(first.dtype)), place))
-    if not any(not channel.is_text and place >= 0 for channel, place in channels):
-        left_out.append(f"the group '{called}' without numbers")
+    if not any(place >= 0 for _, place in channels) or (master is None and all(c.is_text for c, _ in channels)):
+        left_out.append(f"the group '{called}' without {'numbers' if channels else 'channels'}")
         return None
     return MdfTable(path, called, at, channels, begins)
+
+
+def _time_of(mdf: Any, at: int) -> Any | None:
+    """Return the channel that is the time of a group, which may stand in another group; None where the master is no time."""
+    group = mdf.groups[at]
+    where = getattr(group.channel_group, "cg_master_index", None)
+    place = mdf.masters_db.get(at)
+    if place is None and where is not None:
+        group, place = mdf.groups[where], mdf.masters_db.get(where)
+    if place is None:
+        return None
+    master = group.channels[place]
+    return master if getattr(master, "sync_type", _IS_TIME) == _IS_TIME else None
 
 
 def _group_name(group: Any) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, listing
 from pipeline.ingest.column_table import ColumnSource, ColumnTable, is_number
 from pipeline.ingest.extras import library
 from pipeline.ingest.reader import RawLog, Reader
@@ -27,6 +27,9 @@ _TIME = "time"
 # Properties that tell how samples were taken or stored; no conditions of a run.
 _OF_THE_CARRIER = ("wf_", "NI_", "DAQmx", "unit_string", "unit", "Unit", "units", "name")
 
+# Shorter channels beside longer ones are parameters, not signals.
+_SHORTEST_SIGNAL = 4
+
 _Clock = tuple[int, float | None, float, str]
 
 
@@ -34,7 +37,7 @@ class TdmsReader(Reader):
     """Reads TDMS files of version 1 and 2."""
 
     name = "tdms"
-    version = 1
+    version = 2
     suffixes = (".tdms",)
 
     def recognises(self, head: bytes, suffix: str) -> bool:
@@ -50,15 +53,23 @@ class TdmsReader(Reader):
             If npTDMS is not installed, or the file is broken or holds no channel with samples.
         """
         notes: list[QualityFinding] = []
-        metadata: dict[str, str] = {}
+        metadata = _Said()
         tables: list[ColumnTable] = []
         with _opened(path) as file:
-            metadata |= _conditions(file.properties, "")
+            metadata.take(file.properties)
             for group in file.groups():
-                metadata |= _conditions(group.properties, "")
+                metadata.take(group.properties, group=group.name)
                 for channel in group.channels():
-                    metadata |= _conditions(channel.properties, f"{channel.name}.")
-                tables += _tables(path, group, notes)
+                    metadata.take(channel.properties, channel.name, group.name)
+            signals = any(len(channel) >= _SHORTEST_SIGNAL for group in file.groups() for channel in group.channels())
+            for group in file.groups():
+                for clock, channels in _by_clock(group, notes).items():
+                    if signals and _are_parameters(clock, channels):
+                        metadata.values(group.name, channels)
+                    elif clock[1] is None and all(_is_text(channel) for channel in channels):
+                        notes.append(_said_words(group.name, channels))
+                    else:
+                        tables.append(_table(path, group.name, clock, channels))
             incomplete = getattr(file.file_status, "incomplete_final_segment", False)
             version = _VERSIONS.get(file.tdms_version, str(file.tdms_version))
         if not tables:
@@ -67,7 +78,7 @@ class TdmsReader(Reader):
             text = f"{path.name}: the last segment of this TDMS file is cut off; what was written of it is read."
             notes.append(QualityFinding("warning", text))
         _name_tables(tables)
-        return RawLog(path, "TDMS", tables, metadata, {"version": version}, tuple(notes))
+        return RawLog(path, "TDMS", tables, metadata.found, {"version": version}, tuple(notes))
 
 
 @contextmanager
@@ -86,15 +97,51 @@ def _opened(path: Path) -> Iterator[Any]:
         ) from error
 
 
-def _tables(path: Path, group: Any, notes: list[QualityFinding]) -> list[ColumnTable]:
-    """Return the tables of a group: one for each clock."""
+class _Said:
+    """What properties say of the run; names that several groups or channels give with different values bear theirs."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, str] = {}
+
+    def take(self, properties: Mapping[str, Any], channel: str = "", group: str = "") -> None:
+        for key, value in properties.items():
+            if not key.startswith(_OF_THE_CARRIER) and value is not None:
+                self._put(f"{channel}.{key}" if channel else key, group, str(value).strip())
+
+    def values(self, group: str, channels: list[Any]) -> None:
+        """Take in channels that are too short to be signals."""
+        for channel in channels:
+            words = " ".join(str(value) for value in np.asarray(channel[:]).tolist())
+            self._put(channel.name, group, f"{words} {_unit(channel) or ''}".strip())
+
+    def _put(self, key: str, group: str, text: str) -> None:
+        full = f"{group}.{key}" if group and self.found.get(key, text) != text else key
+        if text:
+            self.found.setdefault(full, text)
+
+
+def _by_clock(group: Any, notes: list[QualityFinding]) -> dict[_Clock, list[Any]]:
+    """Return the channels of a group by what they share: number of samples, increment, start."""
     by_clock: dict[_Clock, list[Any]] = {}
     for channel in group.channels():
         if len(channel) == 0:
             notes.append(QualityFinding("note", f"the channel '{group.name}/{channel.name}' is empty, left out."))
             continue
         by_clock.setdefault(_clock(channel), []).append(channel)
-    return [_table(path, group.name, clock, channels) for clock, channels in by_clock.items()]
+    return by_clock
+
+
+def _are_parameters(clock: _Clock, channels: list[Any]) -> bool:
+    """Tell whether channels beside longer ones are too short to be signals, and have no time of their own."""
+    rows, increment, _, _ = clock
+    return (
+        rows < _SHORTEST_SIGNAL and increment is None and not any(_dtype(channel).kind == "M" for channel in channels)
+    )
+
+
+def _said_words(group: str, channels: list[Any]) -> QualityFinding:
+    names = listing((f"'{group}/{channel.name}'" for channel in channels), 5)
+    return QualityFinding("note", f"without a time of their own, words are left out: {names}.")
 
 
 def _clock(channel: Any) -> _Clock:
@@ -112,7 +159,7 @@ def _clock(channel: Any) -> _Clock:
 
 def _table(path: Path, group: str, clock: _Clock, channels: list[Any]) -> ColumnTable:
     rows, increment, offset, begins = clock
-    columns = [_column(group, channel) for channel in channels]
+    columns = [column for channel in channels for column in _columns(group, channel)]
     time = None
     if increment is not None:
         time = _TIME if all(column.name != _TIME for column in columns) else f"{_TIME} of the waveform"
@@ -127,22 +174,32 @@ def _table(path: Path, group: str, clock: _Clock, channels: list[Any]) -> Column
     return ColumnTable(group, columns, rows, lambda: _opened(path), time, begins or None, first)
 
 
-def _column(group: str, channel: Any) -> ColumnSource:
-    name, dtype = channel.name, np.dtype(channel.dtype) if channel.dtype is not None else np.dtype(object)
-    unit = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), None)
+def _columns(group: str, channel: Any) -> list[ColumnSource]:
+    """Return a channel as a column, a complex one as its two parts."""
+    name, dtype = channel.name, _dtype(channel)
 
     def read(file: Any, start: int, stop: int) -> np.ndarray:
         return np.asarray(file[group][name].read_data(start, stop - start))
 
-    return ColumnSource(name, unit, read, is_text=not is_number(dtype) and dtype.kind != "M", is_date=dtype.kind == "M")
+    if dtype.kind == "c":
+        return [
+            ColumnSource(f"{name}.real", _unit(channel), lambda file, start, stop: read(file, start, stop).real),
+            ColumnSource(f"{name}.imag", _unit(channel), lambda file, start, stop: read(file, start, stop).imag),
+        ]
+    return [ColumnSource(name, _unit(channel), read, is_text=_is_text(channel), is_date=dtype.kind == "M")]
 
 
-def _conditions(properties: Mapping[str, Any], prefix: str) -> dict[str, str]:
-    return {
-        f"{prefix}{key}": str(value)
-        for key, value in properties.items()
-        if not key.startswith(_OF_THE_CARRIER) and value is not None and str(value).strip()
-    }
+def _dtype(channel: Any) -> np.dtype[Any]:
+    return np.dtype(channel.dtype) if channel.dtype is not None else np.dtype(object)
+
+
+def _is_text(channel: Any) -> bool:
+    dtype = _dtype(channel)
+    return not is_number(dtype) and dtype.kind not in "Mc"
+
+
+def _unit(channel: Any) -> str | None:
+    return next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), None)
 
 
 def _name_tables(tables: list[ColumnTable]) -> None:
