@@ -11,6 +11,7 @@ from markupsafe import Markup
 from pipeline.findings import Findings, ModelResult, Published, Quality, Run
 from pipeline.findings.figures import Cell, Column, Mood, Status, Table
 from pipeline.report.gathered import MOST_TOLD, gathered, runs_cell
+from pipeline.report.many_runs import conditions_table, left_out_table, models_summary
 from pipeline.report.numbers import plain
 from pipeline.report.parameters import condition_text, unit_of_condition
 from pipeline.report.reading_units import ReadingUnit, reading_unit, typical
@@ -24,7 +25,9 @@ _HASH_DIGITS = 12
 
 
 def models_table(models: Sequence[ModelResult]) -> TableView:
-    """Compare models; AICc and BIC are shown above the smallest of the family."""
+    """Compare models; AICc and BIC are shown above the smallest of the family. Very many fits are summed up."""
+    if len(models) > MOST_ROWS:
+        return models_summary(models)
     least: dict[tuple[str, str], float] = {}
     for model in models:
         for name in ("aicc", "bic"):
@@ -155,10 +158,10 @@ def quality_counts(quality: Sequence[Quality]) -> dict[str, int]:
     return {level: sum(finding.level == level for finding in quality) for level in LEVELS}
 
 
-def runs_table(runs: Sequence[Run], experiment: Experiment) -> tuple[TableView, str]:
+def runs_tables(runs: Sequence[Run], experiment: Experiment) -> tuple[list[TableView], str]:
     """List runs with the conditions that differ; return the table and a sentence on those that are the same.
 
-    Runs that were not used come first where the table is too long to show them all.
+    Of more runs than a table shows, what they are like is told before, and runs that were not used come first.
     """
     names = [spec.name for spec in experiment.conditions]
     names += sorted({name for run in runs for name in run.conditions} - set(names))
@@ -182,7 +185,8 @@ def runs_table(runs: Sequence[Run], experiment: Experiment) -> tuple[TableView, 
     ]  # fmt: skip
     constant = "; ".join(_condition(runs[0], name, experiment) for name in same)
     sentence = f"The same in all runs: {constant.rstrip('.')}." if constant else ""
-    return table_view(Table("runs", "Runs", "", columns, rows)), sentence
+    glance = [conditions_table(runs, differ, experiment), left_out_table(runs)] if len(runs) > MOST_ROWS else []
+    return [*(view for view in glance if view), table_view(Table("runs", "Runs", "", columns, rows))], sentence
 
 
 def _condition(run: Run, name: str, experiment: Experiment) -> str:

@@ -21,7 +21,7 @@ from pipeline.report.accounts import (
     published_table,
     quality_table,
     repairs_table,
-    runs_table,
+    runs_tables,
 )
 from pipeline.report.citation import bibtex, citation
 from pipeline.report.figure import FigureView, figure_view
@@ -163,8 +163,8 @@ def _quality(findings: Findings) -> list[Block | Figure]:
 def _runs(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
     if not findings.runs:
         return []
-    table, same = runs_table(findings.runs, experiment)
-    return [table, Paragraphs([same])] if same else [table]
+    tables, same = runs_tables(findings.runs, experiment)
+    return [*tables, Paragraphs([same])] if same else [*tables]
 
 
 def _methods(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
