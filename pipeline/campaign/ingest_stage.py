@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,14 @@ from pipeline.campaign.ingested import MANIFEST, Ingested, LeftOut, Recordings, 
 from pipeline.campaign.logs import RunFiles, said_shared
 from pipeline.campaign.parallel import in_parallel
 from pipeline.campaign.recipe import Recipe
-from pipeline.campaign.repeated import repeated
+from pipeline.campaign.repeated import Head, repeated
 from pipeline.campaign.runs_table import RunsTable
+from pipeline.campaign.seen import Seen
 from pipeline.errors import InputError, counted, listing, nearest
-from pipeline.ingest.ingest import VERSION, ingest_run, with_rows
-from pipeline.ingest.registry import open_log, reader_for
+from pipeline.ingest.ingest import VERSION, ingest_run, open_run
+from pipeline.ingest.registry import readers
 from pipeline.recording import Level, QualityFinding, Recording
-from pipeline.recording.storage import sha256_of, whole_or_not
+from pipeline.recording.storage import read, sha256_of, whole_or_not
 from pipeline.rigs.experiment import Experiment
 
 Progress = Callable[[str], None]
@@ -41,6 +42,7 @@ def ingest(
     base: Path,
     table: RunsTable | None = None,
     uses: Mapping[str, str] | None = None,
+    seen: Seen | None = None,
     force: bool = False,
     progress: Progress = lambda _run: None,
 ) -> Ingested:
@@ -53,6 +55,8 @@ def ingest(
     uses
         Campaign -> hash of its findings that these runs will be identified with; it is noted in the manifest, so
         that DVC identifies again where it changes.
+    seen
+        What is remembered of the files; without, each is looked into.
     force
         Read every log again.
     progress
@@ -65,19 +69,21 @@ def ingest(
         that can are left out, which the result says as an error of that run.
     """
     before = {} if force else manifest(folder).get("runs", {})
+    seen = seen or Seen()
     quality = _campaign_notes(recipe, runs, table)
     wanted = [entry for entry in runs if entry.run not in recipe.exclude]
     failed: dict[str, str] = {}
     tasks: dict[str, _Task] = {}
     kept: dict[str, dict[str, Any]] = {}
+    heads: dict[str, Head] = {}
     for entry in wanted:
         try:
-            task = _prepare(recipe, entry, table, base)
+            task = _task(recipe, entry, table, base, seen)
         except InputError as error:
             failed[entry.run] = _with_paths_as_shown(str(error), _shown(entry, base), entry.files)
             continue
         known = before.get(entry.run)
-        if known and known["key"] == task.key and not damaged(folder, known["files"]):
+        if known and known["key"] == task.key and not damaged(folder, known["files"], seen.sha256):
             kept[entry.run] = known
             progress(entry.run)
         else:
@@ -87,14 +93,15 @@ def ingest(
         if isinstance(outcome, str):
             failed[run] = outcome
         else:
-            kept[run] = {"key": tasks[run].key, "files": outcome}
+            files, heads[run] = outcome
+            kept[run] = {"key": tasks[run].key, "files": files}
         progress(run)
     failed = {entry.run: failed[entry.run] for entry in wanted if entry.run in failed}
     if not kept:
         raise InputError(_nothing(wanted, failed, recipe))
     order = {entry.run: kept[entry.run] for entry in wanted if entry.run in kept}
     findings = [QualityFinding("error", f"left out: {message}", run) for run, message in failed.items()]
-    findings += _repeats(recipe, folder, order)
+    findings += _repeats(recipe, folder, order, heads, seen)
     reasons = {finding.run: finding.message for finding in findings if finding.run}
     if reasons.keys() >= {entry.run for entry in wanted}:
         raise InputError(f"No log can be used. {findings[-1].message.removeprefix('left out: ')}")
@@ -107,6 +114,7 @@ def ingest(
     }
     with whole_or_not(folder / MANIFEST) as path:
         path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    seen.save()
     _sweep(folder, {name for entry in order.values() for name in entry["files"]})
     return load(folder)
 
@@ -119,57 +127,64 @@ class _Task:
     files: tuple[tuple[str, Path], ...]
     shown: Mapping[str, str]
     recipe: Recipe
-    conditions: run_conditions.Conditions
+    table: RunsTable | None
     key: str
 
 
-def _prepare(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Path) -> _Task:
+def _task(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Path, seen: Seen) -> _Task:
+    """Return the work on one run; its logs are not opened for that, so that those already read cost next to nothing."""
     shown = _shown(entry, base)
-    files, notes = with_rows(entry.files, shown)
-    logs = [open_log(path) for _, path in files]
-    readers = [reader_for(path) for _, path in files]
-    versions = [f"{reader.name}-{reader.version}" for reader in readers]
-    hashes = [sha256_of(path) for _, path in entry.files]
-    names = [path.name for _, path in files]
-    conditions = run_conditions.of_logs(entry.run, recipe, table, logs, names)
-    conditions = replace(conditions, notes=(*conditions.notes, *notes))
+    own = table.only(entry.run, [path.name for _, path in entry.files]) if table else None
     depends = {
-        "version": [__version__, VERSION, *versions],
-        "files": [[stream, shown[stream], digest] for (stream, _), digest in zip(entry.files, hashes, strict=True)],
-        "experiment": recipe.experiment.id,
-        "channels": {name: asdict(entry) for name, entry in recipe.channels.items()},
-        "conditions": [dict(conditions.values), dict(conditions.sources)],
+        "version": [__version__, VERSION, *(f"{reader.name}-{reader.version}" for reader in readers())],
+        "files": [[stream, shown[stream], seen.sha256(path)] for stream, path in entry.files],
+        "experiment": [recipe.experiment.id, repr(recipe.experiment.channels), repr(recipe.experiment.conditions)],
+        "channels": {name: asdict(channel) for name, channel in recipe.channels.items()},
+        "conditions": [dict(recipe.conditions), recipe.file_name, list(own.rows.values()) if own else []],
     }
     key = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
-    whole = tuple((stream, path.resolve()) for stream, path in files)
-    return _Task(entry.run, whole, shown, recipe, conditions, key)
+    files = tuple((stream, path.resolve()) for stream, path in entry.files)
+    return _Task(entry.run, files, shown, recipe, own, key)
 
 
-def _read_one(task: _Task, folder: Path) -> tuple[str, dict[str, str] | str]:
-    """Read one run; return its files with their hashes, or why it cannot be read."""
+def _read_one(task: _Task, folder: Path) -> tuple[str, tuple[dict[str, str], Head] | str]:
+    """Read one run; return its files with their hashes and what it begins with, or why it cannot be read."""
     try:
+        logs, notes = open_run(task.files, task.shown)
+        names = [log.path.name for _, log in logs]
+        conditions = run_conditions.of_logs(task.run, task.recipe, task.table, [log for _, log in logs], names)
         paths = ingest_run(
             task.run,
-            task.files,
+            logs,
             task.recipe.experiment.channels,
             task.recipe.channels,
-            task.conditions.values,
-            task.conditions.sources,
+            conditions.values,
+            conditions.sources,
             folder,
             check=_noticed_by(task.recipe.experiment),
-            notes=task.conditions.notes,
+            notes=[*conditions.notes, *notes],
             shown=task.shown,
         )
     except InputError as error:
         return task.run, _with_paths_as_shown(str(error), task.shown, task.files)
-    return task.run, {path.name: sha256_of(path) for path in paths}
+    return task.run, ({path.name: sha256_of(path) for path in paths}, Head.of(read(paths, lazily=True)))
 
 
-def _repeats(recipe: Recipe, folder: Path, runs: Mapping[str, Mapping[str, Any]]) -> list[QualityFinding]:
+def _repeats(
+    recipe: Recipe, folder: Path, runs: Mapping[str, Mapping[str, Any]], fresh: Mapping[str, Head], seen: Seen
+) -> list[QualityFinding]:
     """Return a finding for each run that is another one's recording, and for those that this contradicts."""
     recordings = Recordings([[folder / name for name in entry["files"]] for entry in runs.values()])
+    heads = []
+    for place, (run, entry) in enumerate(runs.items()):
+        for name, digest in entry["files"].items():
+            seen.hashed(folder / name, digest)
+        known = seen.head(run, entry["key"])
+        head = fresh.get(run) or (Head.from_json(known) if known else Head.of(recordings[place]))
+        seen.read(run, entry["key"], head.as_json())
+        heads.append(head)
     found: dict[str, QualityFinding] = {}
-    for repeat in repeated(recordings, recipe.experiment):
+    for repeat in repeated(heads, recordings, recipe.experiment):
         level: Level = "error" if repeat.contradicted else "warning"
         found[repeat.run] = QualityFinding(level, f"left out: {repeat.message}", repeat.run)
         if repeat.contradicted:
@@ -178,17 +193,17 @@ def _repeats(recipe: Recipe, folder: Path, runs: Mapping[str, Mapping[str, Any]]
 
 
 def _left_out(entry: RunFiles, reason: str, base: Path) -> LeftOut:
-    files = {}
-    for _, path in entry.files:
+    shown, files = _shown(entry, base), {}
+    for stream, path in entry.files:
         try:
-            files[_relative(path, base)] = sha256_of(path)
+            files[shown[stream]] = sha256_of(path)
         except OSError:
-            files[_relative(path, base)] = ""
+            files[shown[stream]] = ""
     return LeftOut(entry.run, reason, files)
 
 
 def _shown(entry: RunFiles, base: Path) -> dict[str, str]:
-    return {stream: _relative(path, base) for stream, path in entry.files}
+    return {stream: entry.origins.get(stream) or _relative(path, base) for stream, path in entry.files}
 
 
 def _with_paths_as_shown(message: str, shown: Mapping[str, str], files: Sequence[tuple[str, Path]]) -> str:

@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, overload
 
+from pipeline.campaign.seen import forget
 from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
 from pipeline.recording.storage import read, sha256_of
@@ -68,6 +69,7 @@ class Ingested:
         """
         for run, files in self.files.items():
             if names := damaged(self.folder, files):
+                forget(self.folder)
                 raise InputError(
                     f"{self.folder / names[0]}: the recording of run '{run}' is damaged or gone, or was changed by another "
                     f"program; run 'rigfit ingest {self.folder.name}', which reads that log again."
@@ -96,11 +98,9 @@ def load(folder: Path) -> Ingested:
     return Ingested(folder, files, quality, left_out)
 
 
-def damaged(folder: Path, files: Mapping[str, str]) -> list[str]:
+def damaged(folder: Path, files: Mapping[str, str], hash_of: Callable[[Path], str] = sha256_of) -> list[str]:
     """Return which of the recordings are gone or not as they were written."""
-    return [
-        name for name, digest in files.items() if not (folder / name).is_file() or sha256_of(folder / name) != digest
-    ]
+    return [name for name, digest in files.items() if not (folder / name).is_file() or hash_of(folder / name) != digest]
 
 
 def manifest(folder: Path) -> dict[str, Any]:

@@ -30,10 +30,15 @@ class RunsTable:
         InputError
             If two of its lines mean this run.
         """
-        meant = [name for name in self.rows if name in (run, *file_names)]
+        meant = [name for name in dict.fromkeys((run, *file_names)) if name in self.rows]
         if len(meant) > 1:
             raise InputError(f"{self.path}: {listing(map(repr, meant))} are the same run; keep one line for each run.")
         return self.rows[meant[0]] if meant else {}
+
+    def only(self, run: str, file_names: Sequence[str] = ()) -> RunsTable:
+        """Return the same table with the line of one run; raises as `conditions`."""
+        self.conditions(run, file_names)
+        return RunsTable(self.path, {name: self.rows[name] for name in (run, *file_names) if name in self.rows})
 
     def unknown(self, runs: Mapping[str, Sequence[str]]) -> list[str]:
         """Return what the table calls a run and is none of `runs` (name -> its files' names), with the nearest name."""

@@ -17,6 +17,7 @@ from pipeline.ingest.mapping import ChannelMap, Selection, Source, resolve
 from pipeline.ingest.naming import ChannelLike
 from pipeline.ingest.passage import Passage
 from pipeline.ingest.quality import of_run, summed
+from pipeline.ingest.reader import RawLog
 from pipeline.ingest.registry import open_log, reader_for
 from pipeline.ingest.stream import StreamInSI
 from pipeline.ingest.timebase import find_times
@@ -37,7 +38,7 @@ VERSION = 4
 
 def ingest_run(
     run: str,
-    files: Sequence[tuple[str, Path]],
+    files: Sequence[tuple[str, Path | RawLog]],
     specs: Sequence[ChannelLike],
     maps: Mapping[str, ChannelMap],
     conditions: Mapping[str, Condition],
@@ -53,7 +54,7 @@ def ingest_run(
     Parameters
     ----------
     files
-        (stream, path) of each log; the stream is ``''`` where there is only one file.
+        (stream, path) of each log, or the log itself where it is open; the stream is ``''`` where there is only one file.
     specs
         The channels that the experiment declares.
     maps
@@ -80,6 +81,7 @@ def ingest_run(
     """
     _check_name(run)
     sources = opened(files, shown)
+    paths = [(stream, file.path if isinstance(file, RawLog) else file) for stream, file in files]
     selections = _named(resolve(sources, specs, maps))
     if not selections:
         names = listing(spec.name for spec in specs)
@@ -93,7 +95,7 @@ def ingest_run(
     _clear(folder, run, list(targets.values()))
     with ExitStack() as stack:
         hashing = stack.enter_context(ThreadPoolExecutor(1))
-        hashes = [hashing.submit(sha256_of, path) for _, path in files]
+        hashes = [hashing.submit(sha256_of, path) for _, path in paths]
         partials = [stack.enter_context(whole_or_not(folder / name)) for name in targets.values()]
         passages = [
             stack.enter_context(Passage(selection.channels, path))
@@ -108,7 +110,7 @@ def ingest_run(
         provenance = Provenance(
             tuple(
                 _source_file(stream, path, digest.result(), shown, streams)
-                for (stream, path), digest in zip(files, hashes, strict=True)
+                for (stream, path), digest in zip(paths, hashes, strict=True)
             ),
             (*origin, *repairs, *_left_out(sources, streams)),
             condition_sources,
@@ -126,32 +128,36 @@ def ingest_run(
     return written
 
 
-def with_rows(
+def open_run(
     files: Sequence[tuple[str, Path]], shown: Mapping[str, str] | None = None
-) -> tuple[list[tuple[str, Path]], list[QualityFinding]]:
-    """Return the logs of a run without those that hold no rows, and a warning of each: a side table may be empty.
+) -> tuple[list[tuple[str, RawLog]], list[QualityFinding]]:
+    """Open the logs of a run but those that hold no rows: a side table may be empty, which a warning says.
 
-    Where all are, or there is only one, they are returned as they are: opening them says what is wrong.
+    Raises
+    ------
+    InputError
+        If one cannot be opened, or all are empty.
     """
-    kept, notes = [], []
+    logs: list[tuple[str, RawLog]] = []
+    notes: list[QualityFinding] = []
+    empty: list[EmptyLogError] = []
     for stream, path in files:
         try:
-            open_log(path)
+            logs.append((stream, open_log(path)))
         except EmptyLogError as error:
+            empty.append(error)
             said = str(error).replace(str(path), (shown or {}).get(stream, path.name))
             notes.append(QualityFinding("warning", f"a table of this run is left out. {said}"))
-        except InputError:
-            kept.append((stream, path))
-        else:
-            kept.append((stream, path))
-    return (kept, notes) if kept and len(files) > 1 else (list(files), [])
+    if not logs:
+        raise empty[0]
+    return logs, notes
 
 
-def opened(files: Sequence[tuple[str, Path]], shown: Mapping[str, str] | None = None) -> list[Source]:
-    """Open the logs of a run and return their tables, each with the name of the stream that it would be."""
+def opened(files: Sequence[tuple[str, Path | RawLog]], shown: Mapping[str, str] | None = None) -> list[Source]:
+    """Return the tables of a run's logs, each with the name of the stream that it would be; a path is opened."""
     sources: list[Source] = []
-    for stream, path in files:
-        log = open_log(path)
+    for stream, file in files:
+        log = file if isinstance(file, RawLog) else open_log(file)
         for table in log.tables:
             parts = [stream] if len(log.tables) == 1 and stream else [stream, _safe(table.name)]
             name = taken = "_".join(part for part in parts if part)
@@ -159,7 +165,7 @@ def opened(files: Sequence[tuple[str, Path]], shown: Mapping[str, str] | None = 
             while taken in {source.stream for source in sources}:
                 count += 1
                 taken = f"{name}_{count}"
-            sources.append(Source(log, table, (shown or {}).get(stream, path.name), taken))
+            sources.append(Source(log, table, (shown or {}).get(stream, log.path.name), taken))
     return sources
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.ingest.clock import TimeSource, align
-from pipeline.ingest.ingest import opened, with_rows
+from pipeline.ingest.ingest import open_run, opened
 from pipeline.ingest.mapping import ChannelMap, SelectedChannel, Selection, Source, refuse_time_alone, resolve
 from pipeline.ingest.naming import ChannelLike
 from pipeline.ingest.passage import Passage
@@ -81,8 +81,8 @@ def scan_run(
     InputError
         If a log cannot be opened at all.
     """
-    files, quality = with_rows(files, shown)
-    sources = opened(files, shown)
+    opened_logs, quality = open_run(files, shown)
+    sources = opened(opened_logs, shown)
     logs = {id(source.log): source.log for source in sources}
     for log in logs.values():
         quality += log.notes

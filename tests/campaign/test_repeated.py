@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.campaign.repeated import repeated
+from pipeline.campaign.repeated import Head, repeated
 from pipeline.recording import Channel, Recording, Stream
 from pipeline.rigs.registry import experiment
 
@@ -96,7 +96,8 @@ def test_a_label_beside_none_is_no_contradiction_and_holds() -> None:
     channels = {"extension": Channel("extension", extension, "m"), "force": Channel("force", force, "N")}
     bare = Recording("bare", {"": Stream("", time, channels)})
     labelled = replace(bare, run="labelled", conditions={"wire_diameter": 1e-3})
-    [repeat] = repeated([bare, labelled], experiment("spring.pull"))
+    recordings = [bare, labelled]
+    [repeat] = repeated([Head.of(recording) for recording in recordings], recordings, experiment("spring.pull"))
     assert (repeat.run, repeat.of, repeat.contradicted) == ("bare", "labelled", "")
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.ingest.ingest import ingest_run, with_rows
+from pipeline.errors import InputError
+from pipeline.ingest.ingest import ingest_run, open_run
 from pipeline.recording import Recording
 from pipeline.recording.storage import read_folder
 from pipeline.rigs.experiment import ChannelSpec
@@ -115,8 +116,9 @@ def test_a_side_table_without_rows_is_left_out_and_told_and_a_run_without_any_is
     for name, text in paths.items():
         (tmp_path / f"r1.{name}.csv").write_text(text)
         files.append((name, tmp_path / f"r1.{name}.csv"))
-    kept, notes = with_rows(files)
-    assert [stream for stream, _ in kept] == ["device"]
+    logs, notes = open_run(files)
+    assert [stream for stream, _ in logs] == ["device"]
     assert [note.level for note in notes] == ["warning"] * 3
     assert "r1.scale.csv" in notes[0].message
-    assert with_rows(files[1:]) == (files[1:], [])
+    with pytest.raises(InputError, match=r"r1\.events\.csv|r1\.scale\.csv"):
+        open_run(files[1:])

@@ -1,0 +1,100 @@
+"""What files held when they were last read, so that a thousand logs need not be read again to find the one that is new.
+
+Nothing here is a result: without it everything is read again and comes out the same. So it stands beside the folder of
+recordings, not in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pipeline import __version__
+from pipeline.recording.storage import sha256_of, whole_or_not
+
+# A file that changes twice within the grain of its file system's clock keeps its time: one so young is not believed.
+_GRAIN, _COARSE_GRAIN = 0.1, 2.0  # s
+
+
+class Seen:
+    """Hashes of files, believed while size, inode and time of change are the same; and what recordings begin with.
+
+    Parameters
+    ----------
+    folder
+        The recordings that it is about; without, nothing is kept for another time.
+    force
+        Believe nothing that was seen before.
+    """
+
+    def __init__(self, folder: Path | None = None, *, force: bool = False) -> None:
+        self._path = _beside(folder) if folder else None
+        before = _content(self._path) if self._path and not force else {}
+        self._before: Mapping[str, list[Any]] = before.get("hashes", {})
+        self._heads_before: Mapping[str, list[Any]] = before.get("heads", {})
+        self._hashes: dict[str, list[Any]] = {}
+        self._heads: dict[str, list[Any]] = {}
+
+    def sha256(self, path: Path) -> str:
+        """Return the SHA-256 of a file's bytes; it is read only where it is not as it was."""
+        known = self._before.get(str(path))
+        state = _state(path)
+        digest = str(known[-1]) if known and known[:-1] == state else sha256_of(path)
+        self.hashed(path, digest)
+        return digest
+
+    def hashed(self, path: Path, digest: str) -> None:
+        """Note a hash that was taken elsewhere."""
+        state = _state(path)
+        changed = state[-1]
+        grain = _GRAIN if changed % 1_000_000_000 else _COARSE_GRAIN
+        if time.time_ns() - changed > grain * 1e9:
+            self._hashes[str(path)] = [*state, digest]
+
+    def head(self, run: str, key: str) -> dict[str, Any] | None:
+        """Return what was noted of a run's recording, None where it was another one then."""
+        known = self._heads_before.get(run)
+        return known[1] if known and known[0] == key else None
+
+    def read(self, run: str, key: str, head: dict[str, Any]) -> None:
+        """Note what the recording of a run begins with; `key` tells it from others of this run."""
+        self._heads[run] = [key, head]
+
+    def save(self) -> None:
+        """Keep what was seen this time; what was not looked at is forgotten."""
+        if self._path is None:
+            return
+        content = json.dumps({"hashes": self._hashes, "heads": self._heads}, separators=(",", ":"))
+        with whole_or_not(self._path) as partial:
+            partial.write_text(f"{_digest(content)}\n{content}\n", encoding="utf-8")
+
+
+def forget(folder: Path) -> None:
+    """Forget what was seen of a folder of recordings, so that the next ingest looks into every file."""
+    _beside(folder).unlink(missing_ok=True)
+
+
+def _beside(folder: Path) -> Path:
+    return folder.with_name(f".{folder.name}.seen.json")
+
+
+def _state(path: Path) -> list[int]:
+    about = path.stat()
+    return [about.st_size, about.st_ino, about.st_mtime_ns]
+
+
+def _content(path: Path) -> dict[str, Any]:
+    """Return what was kept, nothing where it is not whole as it was written by this version."""
+    try:
+        digest, content, _ = path.read_text(encoding="utf-8").split("\n")
+    except (OSError, ValueError):
+        return {}
+    return dict(json.loads(content)) if digest == _digest(content) else {}
+
+
+def _digest(content: str) -> str:
+    return hashlib.sha256(f"{__version__} {content}".encode()).hexdigest()

@@ -1,0 +1,175 @@
+"""What is remembered of files saves reading them, and is never believed of a file that changed."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.campaign import ingest_stage, ingested, logs
+from pipeline.campaign import seen as seen_module
+from pipeline.campaign.recipe import Recipe
+from pipeline.campaign.seen import Seen
+from pipeline.recording.storage import sha256_of
+from pipeline.rigs.registry import experiment
+
+LONG_AGO = 1_700_000_000_123_456_789  # ns
+
+
+def write(path: Path, seed: int) -> Path:
+    rng = np.random.default_rng(seed)
+    extension = np.linspace(0.0, 0.01, 60) + rng.normal(0, 1e-6, 60)
+    rows = "".join(f"{k / 100:.2f},{x:.9f},{200 * x:.9f}\n" for k, x in enumerate(extension))
+    path.write_text(f"# wire_diameter: 1 mm\ntime [s],extension [m],force [N]\n{rows}")
+    os.utime(path, ns=(LONG_AGO, LONG_AGO))
+    return path
+
+
+class Reads:
+    """Counts which files are hashed and which runs are read."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.hashed: list[str] = []
+        self.runs: list[str] = []
+        read_one = ingest_stage._read_one
+
+        def hashing(path: Path) -> str:
+            self.hashed.append(path.name)
+            return sha256_of(path)
+
+        def reading(task: ingest_stage._Task, folder: Path) -> object:
+            self.runs.append(task.run)
+            return read_one(task, folder)
+
+        monkeypatch.setattr(seen_module, "sha256_of", hashing)
+        monkeypatch.setattr(ingest_stage, "_read_one", reading)
+
+    def clear(self) -> None:
+        self.hashed.clear()
+        self.runs.clear()
+
+
+@pytest.fixture
+def reads(monkeypatch: pytest.MonkeyPatch) -> Reads:
+    return Reads(monkeypatch)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "logs").mkdir()
+    for k in range(12):
+        write(tmp_path / "logs" / f"r{k}.csv", k)
+    return tmp_path
+
+
+def ingest(folder: Path, *, force: bool = False) -> ingested.Ingested:
+    recordings = folder / "recordings"
+    for path in recordings.glob("*.parquet"):
+        os.utime(path, ns=(LONG_AGO, LONG_AGO))
+    recipe = Recipe.default(experiment("spring.pull"))
+    runs = logs.runs_of(logs.of_folder(folder / "logs"))
+    seen = Seen(recordings, force=force)
+    return ingest_stage.ingest(recipe, runs, recordings, base=folder, seen=seen, force=force)
+
+
+def twice(folder: Path, reads: Reads) -> bytes:
+    """Ingest and look again, so that recordings are old enough to be believed; return the manifest."""
+    ingest(folder)
+    ingest(folder)
+    reads.clear()
+    return (folder / "recordings" / ingested.MANIFEST).read_bytes()
+
+
+def test_of_a_thousand_logs_only_the_new_one_is_looked_into(folder: Path, reads: Reads) -> None:
+    twice(folder, reads)
+    write(folder / "logs" / "r12.csv", 12)
+    assert list(ingest(folder).files) == [f"r{k}" for k in range(13)]
+    assert reads.runs == ["r12"]
+    assert reads.hashed == ["r12.csv"]
+
+
+def test_a_log_replaced_by_one_of_the_same_size_is_read_again_and_only_it(folder: Path, reads: Reads) -> None:
+    twice(folder, reads)
+    before = (folder / "logs" / "r3.csv").read_text()
+    (folder / "logs" / "r3.csv").write_text(before.replace("0.00,0.00000", "0.00,0.00001"))
+    ingest(folder)
+    assert reads.runs == ["r3"]
+    assert len(before) == (folder / "logs" / "r3.csv").stat().st_size
+
+
+def test_a_removed_log_takes_its_recording_with_it_and_reads_nothing(folder: Path, reads: Reads) -> None:
+    twice(folder, reads)
+    (folder / "logs" / "r3.csv").unlink()
+    assert "r3" not in ingest(folder).files
+    assert not (folder / "recordings" / "r3.parquet").exists()
+    assert (reads.runs, reads.hashed) == ([], [])
+
+
+def test_a_renamed_log_is_a_new_run(folder: Path, reads: Reads) -> None:
+    twice(folder, reads)
+    (folder / "logs" / "r3.csv").rename(folder / "logs" / "other.csv")
+    assert "other" in ingest(folder).files
+    assert reads.runs == ["other"]
+
+
+def test_a_recording_that_was_altered_is_made_anew(folder: Path, reads: Reads) -> None:
+    manifest = twice(folder, reads)
+    path = folder / "recordings" / "r5.parquet"
+    content = path.read_bytes()
+    path.write_bytes(content[:100] + b"\0" + content[101:])
+    seen = Seen(folder / "recordings")
+    recipe = Recipe.default(experiment("spring.pull"))
+    ingest_stage.ingest(recipe, logs.runs_of(logs.of_folder(folder / "logs")), path.parent, base=folder, seen=seen)
+    assert reads.runs == ["r5"]
+    assert path.read_bytes() == content
+    assert (path.parent / ingested.MANIFEST).read_bytes() == manifest
+
+
+def test_force_starts_afresh_and_comes_out_the_same(folder: Path, reads: Reads) -> None:
+    manifest = twice(folder, reads)
+    ingest(folder, force=True)
+    assert reads.runs == [f"r{k}" for k in range(12)]
+    assert {f"r{k}.csv" for k in range(12)} <= set(reads.hashed)
+    assert (folder / "recordings" / ingested.MANIFEST).read_bytes() == manifest
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b'{"hashes": 3}', b"\0\xff", b"0" * 64 + b'\n{"hashes": {}}\n'])
+def test_without_what_was_seen_all_comes_out_the_same(folder: Path, reads: Reads, content: bytes) -> None:
+    manifest = twice(folder, reads)
+    (folder / ".recordings.seen.json").write_bytes(content)
+    ingest(folder)
+    assert reads.runs == []
+    assert len(reads.hashed) == 24
+    assert (folder / "recordings" / ingested.MANIFEST).read_bytes() == manifest
+
+
+def test_a_file_changed_a_moment_ago_is_looked_into_again(tmp_path: Path, reads: Reads) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("1,2,3\n")
+    for _ in range(2):
+        seen = Seen(tmp_path / "recordings")
+        seen.sha256(path)
+        seen.save()
+    assert reads.hashed == ["log.csv", "log.csv"]
+    os.utime(path, ns=(LONG_AGO, LONG_AGO))
+    for _ in range(2):
+        seen = Seen(tmp_path / "recordings")
+        assert seen.sha256(path) == sha256_of(path)
+        seen.save()
+    assert reads.hashed == ["log.csv"] * 3
+
+
+def test_an_identification_that_finds_a_damaged_recording_makes_the_next_ingest_look_into_all(
+    folder: Path, reads: Reads
+) -> None:
+    twice(folder, reads)
+    path = folder / "recordings" / "r5.parquet"
+    content = path.read_bytes()
+    path.write_bytes(content[:100] + b"\0" + content[101:])
+    with pytest.raises(ingested.InputError, match="rigfit ingest recordings"):
+        ingested.load(folder / "recordings").recordings()
+    ingest(folder)  # sets the times back, as a file system that lost a bit would have left them
+    assert reads.runs == ["r5"]
+    assert path.read_bytes() == content
