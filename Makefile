@@ -47,7 +47,7 @@ coverage-study: setup
 	for study in benchmarks/coverage_*.py; do $(BIN)/python -m benchmarks.$$(basename $$study .py) || exit 1; done
 
 clean:
-	rm -rf $(VENV) recordings reports datasets/*/synthetic
+	rm -rf $(VENV) recordings reports datasets/*/synthetic datasets/*/fetched datasets/*/.fetched*
 
 schema: setup
 	$(BIN)/python -m pipeline.findings.storage > docs/findings.schema.json

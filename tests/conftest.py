@@ -57,7 +57,7 @@ def rigfit(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) 
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty project (no campaigns yet), which is the current folder."""
-    (tmp_path / "params.yaml").write_text("# my campaigns\ncampaigns: []\nsynthetic: []\nuses: []\n")
+    (tmp_path / "params.yaml").write_text("# my campaigns\ncampaigns: []\nsynthetic: []\ndatasets: {}\nuses: []\n")
     (tmp_path / "dvc.yaml").write_text((ROOT / "dvc.yaml").read_text())
     (tmp_path / "recipes").mkdir()
     monkeypatch.chdir(tmp_path)

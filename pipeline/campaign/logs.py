@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path, PurePath
 
 from pipeline.errors import InputError, listing
 from pipeline.recording import QualityFinding
@@ -33,6 +33,8 @@ _BESIDE = {
     ".rst",
     ".tdms_index",
 }
+# What is read together with a log that it lies beside.
+_WITH_A_LOG = {".msg", ".db3-wal", ".db3-shm", ".db3-journal"}
 _TABLE = re.compile(r"^(.+)\.([a-z]{2}[a-z0-9_]+)$")
 
 
@@ -40,12 +42,14 @@ _TABLE = re.compile(r"^(.+)\.([a-z]{2}[a-z0-9_]+)$")
 class RunFiles:
     """The files of one run: (stream, path), the stream '' where there is only one file.
 
-    `shared` is the name that other runs would have too, from which theirs and this one's differ; else ''.
+    `shared` is the name that other runs would have too, from which theirs and this one's differ; else ''. `origins` says
+    of streams whose file was fetched from elsewhere for this command what to call it: its URL.
     """
 
     run: str
     files: tuple[tuple[str, Path], ...]
     shared: str = ""
+    origins: Mapping[str, str] = field(default_factory=dict)
 
 
 def of_folder(folder: Path) -> list[Path]:
@@ -58,20 +62,26 @@ def of_folder(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder; make it and put the campaign's logs into it.")
-    paths = [
-        path
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
-        and not any(part.startswith(".") for part in path.relative_to(folder).parts)
-        and path.name != RUNS_TABLE
-        and path.suffix.lower() not in _BESIDE
-    ]
+    paths = [path for path in sorted(folder.rglob("*")) if path.is_file() and is_log(path.relative_to(folder))]
     if not paths:
         raise InputError(
-            f"{folder}: holds no logs; drop at least one log (CSV, MCAP, MAT, TDMS, MDF, HDF5, Parquet) into it "
-            "(runs.csv, notes and pictures do not count)."
+            f"{folder}: holds no logs; drop at least one log (CSV, MCAP, ROS bag, MAT, TDMS, MDF, HDF5, Parquet) into it "
+            "(runs.csv, notes and pictures do not count). Logs that lie elsewhere: name their URL under 'datasets' in "
+            f"params.yaml and run 'rigfit fetch {folder.name}'."
         )
     return paths
+
+
+def is_log(path: PurePath) -> bool:
+    """Tell a log from what lies beside logs: hidden files, the runs table, notes, pictures; `path` is below the folder."""
+    hidden = any(part.startswith(".") and part not in (".", "..") for part in path.parts)
+    return not hidden and path.name != RUNS_TABLE and path.suffix.lower() not in _BESIDE | _WITH_A_LOG
+
+
+def is_needed(path: PurePath) -> bool:
+    """Tell what a copy of a campaign's folder must hold: logs, what is read together with them, and the runs table."""
+    hidden = any(part.startswith(".") and part not in (".", "..") for part in path.parts)
+    return is_log(path) or path.as_posix() == RUNS_TABLE or (not hidden and path.suffix.lower() in _WITH_A_LOG)
 
 
 def as_given(paths: Sequence[Path]) -> list[Path]:
@@ -92,8 +102,11 @@ def as_given(paths: Sequence[Path]) -> list[Path]:
     return list(dict.fromkeys(paths))
 
 
-def runs_of(paths: Sequence[Path]) -> list[RunFiles]:
-    """Group logs into runs; runs that would have one name are called by their file's name, or by its folder."""
+def runs_of(paths: Sequence[Path], origins: Mapping[Path, str] | None = None) -> list[RunFiles]:
+    """Group logs into runs; runs that would have one name are called by their file's name, or by its folder.
+
+    `origins` holds the URL of each log that was fetched for this command.
+    """
     tables = {path: (match[1], match[2]) for path in paths if (match := _TABLE.match(path.stem))}
     words: dict[tuple[Path, str], set[str]] = {}
     for path, (run, table) in tables.items():
@@ -118,7 +131,8 @@ def runs_of(paths: Sequence[Path]) -> list[RunFiles]:
             name = _safe(file.name) if alone else _safe(f"{file.parent.resolve().name}-{short}")
         while name in result:
             name += "+"
-        result[name] = RunFiles(name, tuple(sorted(files)), shared)
+        urls = {stream: origins[path] for stream, path in files if origins and path in origins}
+        result[name] = RunFiles(name, tuple(sorted(files)), shared, urls)
     return sorted(result.values(), key=lambda entry: _natural(entry.run))
 
 

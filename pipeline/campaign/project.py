@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pipeline.campaign import yaml_text
 from pipeline.campaign.logs import RUNS_TABLE
+from pipeline.campaign.remote.urls import secrets, shown
 from pipeline.errors import InputError, listing, nearest
 from pipeline.recording.storage import whole_or_not
 from pipeline.rigs.experiment import Experiment
@@ -50,6 +51,34 @@ class Project:
         pairs = [(str(e.get("campaign")), str(e.get("of"))) for e in listed if isinstance(e, dict)]
         return [other for other in uses if (name, other) not in pairs]
 
+    def dataset(self, name: str) -> str:
+        """Return the URL that `params.yaml` gives the logs of a campaign.
+
+        Raises
+        ------
+        InputError
+            If it gives none.
+        """
+        path = self.root / "params.yaml"
+        content = yaml_text.load(path)
+        listed = content.get("datasets") or {}
+        expected = f"'datasets: {{{name}: s3://bucket/logs}}' or any other URL of fsspec"
+        if not isinstance(listed, dict):
+            raise InputError(
+                f"{path} line {yaml_text.line_of(content, ['datasets'])}: 'datasets' must say of campaigns where their logs lie: "
+                f"{expected}."
+            )
+        if name not in listed:
+            raise InputError(
+                f"{path}: 'datasets' gives no URL for the campaign '{name}', so its logs are those in datasets/{name}/. "
+                f"Expected is {expected}, if they lie elsewhere."
+            )
+        url = listed[name]
+        if not isinstance(url, str) or not url.strip():
+            line = yaml_text.line_of(content, ["datasets", name])
+            raise InputError(f"{path} line {line}: '{name}' has no URL; expected is {expected}.")
+        return str(url).strip()
+
     def campaign(self, name: str) -> Campaign:
         """Return the paths of one campaign.
 
@@ -67,14 +96,19 @@ class Project:
             )
         return campaign
 
-    def add(self, name: str, experiment: Experiment, title: str) -> Campaign:
-        """Make recipe and folder of a new campaign and list it in `params.yaml`.
+    def add(self, name: str, experiment: Experiment, title: str, dataset: str = "") -> Campaign:
+        """Make recipe and folder of a new campaign and list it in `params.yaml`, with the URL of its logs if they lie elsewhere.
 
         Raises
         ------
         InputError
-            If the name is taken or cannot be a file name.
+            If the name is taken or cannot be a file name, or the URL holds a password.
         """
+        if secrets(dataset):
+            raise InputError(
+                f"{shown(dataset)}: the URL holds a user, a password or a signature, and params.yaml is no place for these: it "
+                "is kept under version control. Leave them out; they are taken from the environment (docs/logs.md)."
+            )
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
             raise InputError(f"'{name}' cannot be a campaign's name: use letters, digits, '-' and '_'.")
         campaign = Campaign(name, self.root)
@@ -85,24 +119,11 @@ class Project:
         campaign.recipe.parent.mkdir(exist_ok=True)
         with whole_or_not(campaign.recipe) as path:
             path.write_text(recipe_template(experiment, title or name), encoding="utf-8")
-        self._list(name)
-        return campaign
-
-    def _list(self, name: str) -> None:
-        """Add a line to the list in `params.yaml`; all else in it, comments too, stays as it is."""
         path = self.root / "params.yaml"
-        listed = yaml_text.load(path).get("campaigns")
-        lines = path.read_text(encoding="utf-8").splitlines()
-        if listed and not listed.fa.flow_style():
-            last = listed.lc.item(len(listed) - 1)[0]
-            lines.insert(last + 1, re.sub(r"-\s*.*", f"- {name}", lines[last], count=1))
-        else:
-            names = ", ".join([*map(str, listed or ()), name])
-            entry = f"campaigns: [{names}]"
-            at = next((i for i, line in enumerate(lines) if re.match(r"campaigns\s*:", line)), None)
-            lines = [*lines, entry] if at is None else [*lines[:at], entry, *lines[at + 1 :]]
-        with whole_or_not(path) as partial:
-            partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        yaml_text.add(path, "campaigns", name)
+        if dataset:
+            yaml_text.add(path, "datasets", name, dataset)
+        return campaign
 
 
 @dataclass(frozen=True)
@@ -123,9 +144,26 @@ class Campaign:
         return self.root / "datasets" / self.name
 
     @property
-    def runs_table(self) -> Path:
-        """Conditions per run, optional."""
-        return self.logs / RUNS_TABLE
+    def fetched(self) -> Path:
+        """Logs of elsewhere, made by DVC."""
+        return self.logs / "fetched"
+
+    def runs_table(self) -> Path | None:
+        """Return the table of conditions per run, if there is one: dropped beside the logs, or fetched with them.
+
+        Raises
+        ------
+        InputError
+            If there are both.
+        """
+        tables = [path for path in (self.logs / RUNS_TABLE, self.fetched / RUNS_TABLE) if path.is_file()]
+        if len(tables) > 1:
+            own, fetched = (path.relative_to(self.root).as_posix() for path in tables)
+            raise InputError(
+                f"{own} and {fetched}: there are two tables of conditions, one dropped here and one fetched with the logs; keep "
+                "one: remove the one here, or the one at the URL."
+            )
+        return next(iter(tables), None)
 
     @property
     def synthetic(self) -> Path:

@@ -5,6 +5,7 @@ Files are people's: small, shallow, their numbers finite. What is not is refused
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,8 +15,10 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
+from ruamel.yaml.nodes import MappingNode, SequenceNode
 
 from pipeline.errors import InputError
+from pipeline.recording.storage import whole_or_not
 
 LARGEST = 1 << 18  # bytes
 DEEPEST = 20
@@ -99,6 +102,43 @@ def _refuse_unfolding(content: CommentedMap, path: Path) -> None:
                 f"{path} line {line_of(content, place)}: '{key}' is {float(value)}, which is no number to compute with; "
                 "write the number, or leave the key out."
             )
+
+
+def add(path: Path, key: str, name: str, value: str | None = None) -> None:
+    """Add `name` to the list, or ``name: value`` to the mapping, that stands under `key` at the top of a YAML file.
+
+    All else in the file, comments too, stays as it is; what is not there yet is made.
+    """
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        text = file.read()
+    end = "\r\n" if "\r\n" in text else "\n"
+    entry = name if value is None else f"{name}: {json.dumps(value, ensure_ascii=False)}"
+    item = f"- {entry}" if value is None else entry
+    brackets = "[]" if value is None else "{}"
+    top = YAML(typ="rt").compose(text)
+    pairs = top.value if isinstance(top, MappingNode) else []
+    found = next(((first, node) for first, node in pairs if first.value == key), None)
+    if found is None:
+        head = text if not text or text.endswith("\n") else text + end
+        text = f"{head}{key}: {brackets[0]}{entry}{brackets[1]}{end}"
+    elif not isinstance(found[1], MappingNode | SequenceNode):  # nothing stands there yet
+        at = found[0].end_mark.index + text[found[0].end_mark.index :].index(":") + 1
+        text = f"{text[:at]} {brackets[0]}{entry}{brackets[1]}{text[at:]}"
+    elif found[1].flow_style:
+        at = found[1].end_mark.index - 1
+        comma = ", " if found[1].value else ""
+        text = f"{text[:at].rstrip(' ')}{comma}{entry}{text[at:]}"
+    else:
+        last = found[1].value[-1]
+        node = last[1] if isinstance(last, tuple) else last
+        line = node.end_mark.line if node.end_mark.column else max(node.end_mark.line - 1, node.start_mark.line)
+        lines = text.splitlines(keepends=True)
+        if not lines[line].endswith("\n"):
+            lines[line] += end
+        lines.insert(line + 1, " " * found[1].start_mark.column + item + end)
+        text = "".join(lines)
+    with whole_or_not(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        file.write(text)
 
 
 def line_of(content: Any, place: Sequence[str | int]) -> int | None:

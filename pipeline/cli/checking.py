@@ -8,11 +8,13 @@ from pathlib import Path
 
 import click
 
-from pipeline.campaign import conditions, logs, runs_table
+from pipeline.campaign import conditions, logs
 from pipeline.campaign.logs import RunFiles
 from pipeline.campaign.recipe import Recipe, load
-from pipeline.campaign.repeated import repeated
+from pipeline.campaign.remote.named import Named, named
+from pipeline.campaign.repeated import Head, repeated
 from pipeline.campaign.runs_table import RunsTable
+from pipeline.cli.progress import progress
 from pipeline.errors import InputError
 from pipeline.ingest.reader import RawLog
 from pipeline.ingest.scan import TableScan, scan_run
@@ -24,7 +26,7 @@ _ORDER = {"error": 0, "warning": 1, "note": 2}
 
 
 def show(
-    paths: Sequence[Path], experiment_id: str | None, recipe_path: Path | None, runs_path: Path | None = None
+    words: Sequence[str], experiment_id: str | None, recipe_path: Path | None, runs_path: Path | None = None
 ) -> int:
     """Print what the logs hold; return 0, 1 where something in a log is an error, 2 where one cannot be used.
 
@@ -35,15 +37,18 @@ def show(
         recipe = load(recipe_path, experiment_id)
     elif experiment_id is not None:
         recipe = Recipe.default(find_experiment(experiment_id))
-    table = None
-    if runs_path is not None:
-        if recipe is None:
-            raise InputError(
-                f"{runs_path}: which conditions it gives depends on the experiment; name it with --experiment."
-            )
-        table = runs_table.read(runs_path, recipe.experiment, str(runs_path))
+    if runs_path is not None and recipe is None:
+        raise InputError(
+            f"{runs_path}: which conditions it gives depends on the experiment; name it with --experiment."
+        )
+    with named(words, lambda number: progress("fetch", number)) as given:
+        table = given.table(runs_path, recipe.experiment) if recipe else None
+        return _show_all(given, recipe, table)
+
+
+def _show_all(given: Named, recipe: Recipe | None, table: RunsTable | None) -> int:
     status = 0
-    runs = logs.runs_of(logs.as_given(paths))
+    runs = logs.runs_of(given.paths, given.origins)
     remarks = table.remarks({run.run: [path.name for _, path in run.files] for run in runs}) if table else []
     for remark in (*logs.said_shared(runs), *remarks):
         click.echo(f"{remark.level}: {remark.message}")
@@ -55,7 +60,7 @@ def show(
             try:
                 status = max(status, _show_run(run, recipe, table, Path(folder), read_so_far))
             except InputError as error:
-                click.echo(f"rigfit: {' '.join(str(error).split())}", err=True)
+                click.echo(f"rigfit: {' '.join(given.as_shown(str(error)).split())}", err=True)
                 status = 2
         if recipe is not None:
             status = max(status, _show_repeats(read_so_far, recipe.experiment))
@@ -65,7 +70,7 @@ def show(
 def _show_repeats(recordings: Sequence[Recording], experiment: Experiment) -> int:
     """Print which runs are another one's recording; 2 where their labels contradict, so that neither can be used."""
     status = 0
-    for repeat in repeated(recordings, experiment):
+    for repeat in repeated([Head.of(recording) for recording in recordings], recordings, experiment):
         click.echo(f"\n{'error' if repeat.contradicted else 'warning'}: {repeat.message}")
         status = max(status, 2 if repeat.contradicted else 0)
     return status
@@ -74,12 +79,13 @@ def _show_repeats(recordings: Sequence[Recording], experiment: Experiment) -> in
 def _show_run(
     run: RunFiles, recipe: Recipe | None, table: RunsTable | None, folder: Path, read_so_far: list[Recording]
 ) -> int:
-    names = {stream: str(path) for stream, path in run.files}
+    names = {stream: run.origins.get(stream) or str(path) for stream, path in run.files}
     specs = recipe.experiment.channels if recipe else ()
     scan = scan_run(run.files, specs, recipe.channels if recipe else None, names)
     for log in scan.logs:
         about = ", ".join(f"{key} {value}" for key, value in log.details.items())
-        click.echo(f"{log.path}: {log.format}{f' ({about})' if about else ''}")
+        called = next((names[stream] for stream, path in run.files if path == log.path), log.path)
+        click.echo(f"{called}: {log.format}{f' ({about})' if about else ''}")
     for part in scan.tables:
         _show_table(part)
     _show_said(scan.logs)
@@ -93,8 +99,11 @@ def _show_run(
             quality += recipe.experiment.check(read_so_far[-1])
         except InputError as error:
             refused = True
-            if not any(str(error) in finding.message for finding in quality):
-                quality.append(QualityFinding("error", str(error)))
+            said = str(error)
+            for stream, path in run.files:
+                said = said.replace(str(path), names[stream])
+            if not any(said in finding.message for finding in quality):
+                quality.append(QualityFinding("error", said))
     return max(_show_quality(quality), 2 if refused else 0)
 
 

@@ -51,30 +51,38 @@ def list_() -> None:
 @click.argument("experiment")
 @click.argument("campaign")
 @click.option("--title", default="", help="Title of the report; the campaign's name by default.")
-def new(experiment: str, campaign: str, title: str) -> None:
+@click.option("--datasets", default="", metavar="URL", help="Where the logs lie, if elsewhere: any URL of fsspec.")
+def new(experiment: str, campaign: str, title: str, datasets: str) -> None:
     """Make a campaign.
 
     Writes its recipe, makes its folder for logs, and lists it in params.yaml.
-    Example: rigfit new mre.shear sample-b
+
+    \b
+    Examples:  rigfit new mre.shear sample-b
+               rigfit new mre.shear sample-c --datasets s3://lab-logs/sample-c
     """
     from pipeline.campaign.project import Project
     from pipeline.rigs.registry import experiment as find_experiment
 
     project = Project.around(Path.cwd())
-    made = project.add(campaign, find_experiment(experiment), title)
+    made = project.add(campaign, find_experiment(experiment), title, datasets)
     click.echo(f"{made.recipe.relative_to(project.root)}   says how channels are called in the logs")
-    click.echo(f"{made.logs.relative_to(project.root)}/   takes the logs; then run: dvc repro")
+    if datasets:
+        click.echo(f"params.yaml   says where the logs lie: {datasets}; dvc repro fetches what is new there")
+    else:
+        click.echo(f"{made.logs.relative_to(project.root)}/   takes the logs; then run: dvc repro")
 
 
 @rigfit.command()
-@click.argument("logs", nargs=-1, required=True, type=PATH)
+@click.argument("logs", nargs=-1, required=True)
 @click.option("--experiment", "-e", help="Also check against what this experiment needs, as mre.shear.")
 @click.option("--recipe", "-r", type=PATH, help="Recipe that maps the logs' channels.")
 @click.option("--runs", type=PATH, help="Table of conditions per run, as of 'rigfit run'.")
-def check(logs: tuple[Path, ...], experiment: str | None, recipe: Path | None, runs: Path | None) -> None:
+def check(logs: tuple[str, ...], experiment: str | None, recipe: Path | None, runs: Path | None) -> None:
     """Tell what logs hold and what is wrong with them.
 
-    Shows channels, units, rates, conditions, gaps and quality; identifies and writes nothing.
+    Shows channels, units, rates, conditions, gaps and quality; identifies and writes nothing. A LOG is a file, or a URL of
+    one or of a folder: s3://lab-logs/sample-b.
 
     \b
     Exit status, of several logs the worst:
@@ -89,7 +97,7 @@ def check(logs: tuple[Path, ...], experiment: str | None, recipe: Path | None, r
 
 @rigfit.command()
 @click.argument("experiment")
-@click.argument("logs", nargs=-1, required=True, type=PATH)
+@click.argument("logs", nargs=-1, required=True)
 @click.option("--out", "-o", required=True, type=PATH, help="Folder for findings.json and report.html.")
 @click.option("--recipe", "-r", type=PATH, help="Maps channels and units, gives conditions and settings.")
 @click.option("--runs", type=PATH, help="Table of conditions per run, like runs.csv of a campaign.")
@@ -108,7 +116,7 @@ def check(logs: tuple[Path, ...], experiment: str | None, recipe: Path | None, r
 )
 def run(
     experiment: str,
-    logs: tuple[Path, ...],
+    logs: tuple[str, ...],
     out: Path,
     recipe: Path | None,
     runs: Path | None,
@@ -118,7 +126,8 @@ def run(
 ) -> None:
     """Identify and report logs ad hoc, without DVC.
 
-    Nothing is registered; everything is written into the folder of --out.
+    Nothing is registered; everything is written into the folder of --out. A LOG is a file, or a URL of one or of a folder:
+    s3://lab-logs/sample-b.
 
     \b
     Watch an online method, in real time or faster (the result at the end is the same):
@@ -150,6 +159,19 @@ def synthesize(campaign: str, out: Path | None, seed: int | None) -> None:
     from pipeline.cli import stages
 
     stages.synthesize(campaign, out, seed)
+
+
+@rigfit.command()
+@click.argument("campaign")
+def fetch(campaign: str) -> None:
+    """Fetch the logs of a campaign that lie elsewhere.
+
+    'datasets' in params.yaml says where; what is new or changed there comes into datasets/CAMPAIGN/fetched/, and what is
+    gone there goes. 'dvc repro' does it by itself.
+    """
+    from pipeline.cli import fetching
+
+    fetching.fetch(campaign)
 
 
 @rigfit.command()

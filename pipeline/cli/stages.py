@@ -12,6 +12,9 @@ import click
 from pipeline.campaign import identify_stage, ingest_stage, ingested, logs, report_stage, runs_table, synthesize_stage
 from pipeline.campaign.project import Campaign, Project
 from pipeline.campaign.recipe import Recipe, load
+from pipeline.campaign.remote.named import named
+from pipeline.campaign.remote.urls import shown
+from pipeline.campaign.seen import Seen
 from pipeline.cli import replaying
 from pipeline.cli.progress import progress, share_done
 from pipeline.errors import InputError
@@ -24,7 +27,7 @@ from pipeline.rigs.registry import experiment as find_experiment
 
 def run(
     experiment_id: str,
-    paths: Sequence[Path],
+    words: Sequence[str],
     out: Path,
     recipe_path: Path | None,
     runs_path: Path | None,
@@ -39,17 +42,17 @@ def run(
     if replay is not None:
         replaying.must_follow(experiment)
     recipe = load(recipe_path, experiment_id) if recipe_path else Recipe.default(experiment)
-    runs = logs.runs_of(logs.as_given(paths))
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file, not a folder; name another folder with --out.")
-    table = runs_table.read(runs_path, experiment, str(runs_path)) if runs_path else None
     handed = {}
     for number, path in enumerate(uses):
         own = path.parent.resolve().name if path.is_file() and path.stem == "findings" else path.stem
         handed[own if own not in handed else f"{own}-{number + 1}"] = findings_storage.read(path)
-    name = runs[0].run if len(runs) == 1 else out.resolve().name
-    command = shlex.join(["rigfit", *sys.argv[1:]])
-    with together(out) as fresh:
+    command = shlex.join(["rigfit", *map(shown, sys.argv[1:])])
+    with named(words, lambda number: progress("fetch", number)) as given, together(out) as fresh:
+        runs = logs.runs_of(given.paths, given.origins)
+        table = given.table(runs_path, experiment)
+        name = runs[0].run if len(runs) == 1 else out.resolve().name
         with progress("ingest", len(runs)) as step:
             ingested = ingest_stage.ingest(
                 recipe, runs, fresh / "recordings", base=Path.cwd(), table=table, progress=step
@@ -80,9 +83,8 @@ def ingest(name: str, force: bool) -> None:
     campaign, recipe = _campaign(name)
     runs = logs.runs_of(logs.of_folder(campaign.logs))
     table = None
-    if campaign.runs_table.is_file():
-        shown = campaign.runs_table.relative_to(campaign.root).as_posix()
-        table = runs_table.read(campaign.runs_table, recipe.experiment, shown)
+    if conditions := campaign.runs_table():
+        table = runs_table.read(conditions, recipe.experiment, conditions.relative_to(campaign.root).as_posix())
     used = {other: path for other in recipe.uses if (path := _findings_of(other, campaign)).is_file()}
     with progress("ingest", len(runs)) as step:
         ingested = ingest_stage.ingest(
@@ -92,6 +94,7 @@ def ingest(name: str, force: bool) -> None:
             base=campaign.root,
             table=table,
             uses={other: sha256_of(path) for other, path in used.items()},
+            seen=Seen(campaign.recordings, force=force),
             force=force,
             progress=step,
         )

@@ -30,7 +30,7 @@ def test_notes_pictures_hidden_files_and_the_runs_table_are_no_logs(tmp_path: Pa
 
 def test_a_folder_without_logs_says_what_to_drop(tmp_path: Path) -> None:
     touch(tmp_path, "runs.csv", "notes.md")
-    with pytest.raises(InputError, match=r"holds no logs; drop at least one log \(CSV, MCAP, MAT"):
+    with pytest.raises(InputError, match=r"holds no logs; drop at least one log \(CSV, MCAP, .*rigfit fetch"):
         logs.of_folder(tmp_path)
 
 

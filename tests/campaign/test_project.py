@@ -22,7 +22,7 @@ SPRING = experiment("spring.pull")
     [
         ("campaigns: []\nsynthetic: []\n", "campaigns: [new]\nsynthetic: []\n"),
         ("campaigns:\nsynthetic: []\n", "campaigns: [new]\nsynthetic: []\n"),
-        ("campaigns: [a, b]  # mine\n", "campaigns: [a, b, new]\n"),
+        ("campaigns: [a, b]  # mine\n", "campaigns: [a, b, new]  # mine\n"),
         (
             "# top\ncampaigns:\n  - a   # first\n  - b\n# below\nsynthetic:\n  - a\n",
             "# top\ncampaigns:\n  - a   # first\n  - b\n  - new\n# below\nsynthetic:\n  - a\n",
