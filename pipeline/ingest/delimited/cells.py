@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from pipeline.errors import InputError
 
@@ -36,6 +37,7 @@ def is_missing(text: str) -> bool:
     return text == "" or text.lower() in MISSING
 
 
+@lru_cache(maxsize=1 << 15)  # the cells of a file's head are asked by everyone who looks at it
 def is_number(text: str) -> bool:
     """Tell whether a trimmed cell is a number in any of the notations that labs use."""
     text = _sign_joined(text)

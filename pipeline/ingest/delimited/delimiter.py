@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from pipeline.errors import EmptyLogError, InputError
 from pipeline.ingest.delimited.cells import is_missing, is_number
@@ -21,6 +22,7 @@ _SAMPLE_LINES, _FEW_LINES, _MOST_JUDGED = 200, 8, 2000
 _CLEARLY, _HALF, _MOSTLY = 1.2, 0.5, 0.8
 
 
+@lru_cache(maxsize=1 << 15)
 def is_value(cell: str) -> bool:
     """Tell whether a trimmed cell is a number or a time stamp."""
     return is_number(cell) or looks_like_stamp(cell)
@@ -44,12 +46,8 @@ def detect(lines: Sequence[str], where: str) -> Fit:
     InputError
         If the rows have more than `MAX_COLUMNS` cells, or no delimiter yields any row with a number.
     """
-    arrow = sum(bool(_STAMPED_LINE.match(line)) for line in lines) > len(lines) / 2
-    parted = [line.split(ARROW, 1)[-1] for line in lines] if arrow else lines
-    best = _best(parted, is_value)
-    if best.score < _MOSTLY and (labelled := _labelled(parted)).score > best.score:
-        best = labelled
-    if not _holds_rows(best) and not _is_names_and_one_row(best, parted):
+    best, is_table, arrow = _best_of(tuple(lines))
+    if not is_table:
         raise EmptyLogError(
             f"{where}: holds no rows of numbers. Expected is a table: names, perhaps units, then one row a sample."
         )
@@ -63,6 +61,17 @@ def detect(lines: Sequence[str], where: str) -> Fit:
         around = (("", ""), *best.dialect.around) if best.dialect.around else ()
         return replace(best, dialect=Dialect(delimiter, has_arrow=True, around=around), width=best.width + 1)
     return best
+
+
+@lru_cache(maxsize=4)  # a log is asked whether it is text with rows, and asked again when it is opened
+def _best_of(lines: tuple[str, ...]) -> tuple[Fit, bool, bool]:
+    """Return the best fit, whether it yields a table at all, and whether a serial monitor stamped the lines."""
+    arrow = sum(bool(_STAMPED_LINE.match(line)) for line in lines) > len(lines) / 2
+    parted = [line.split(ARROW, 1)[-1] for line in lines] if arrow else lines
+    best = _best(parted, is_value)
+    if best.score < _MOSTLY and (labelled := _labelled(parted)).score > best.score:
+        best = labelled
+    return best, _holds_rows(best) or _is_names_and_one_row(best, parted), arrow
 
 
 def _holds_rows(fit: Fit) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import re
 from dataclasses import dataclass
+from functools import cached_property
 
 BLANKS = " "  # as a delimiter: runs of spaces and tabs
 ONE_COLUMN = ""
@@ -34,7 +35,7 @@ class Dialect:
         """The delimiter in words."""
         return _NAMES[self.delimiter]
 
-    @property
+    @cached_property
     def comment_marks(self) -> tuple[str, ...]:
         """What begins a line that holds no data."""
         return tuple(mark for mark in _COMMENT_MARKS if mark != self.delimiter)

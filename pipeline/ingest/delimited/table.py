@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -22,9 +23,11 @@ from pipeline.ingest.delimited.stamps import Clock, iso
 from pipeline.ingest.reader import RawChannel, RawTable
 from pipeline.recording import QualityFinding
 
-# Below this size plain Python is done before the compiled pass is loaded.
+# Of so many bytes plain Python is done before the compiled pass is loaded: those of one file, or of all so far.
 QUICK_FROM_BYTES = 1 << 23
+_COMPILED = "pipeline.ingest.delimited.quick"
 _MOST_WORKERS = 8
+_bytes_so_far = 0
 
 
 class DelimitedTable(RawTable):
@@ -100,17 +103,21 @@ def parsed_chunks(
 ) -> Iterator[Parsed]:
     """Yield the rows of a file chunk by chunk; large files are read ahead on all cores."""
     pieces = chunks(layout.path, layout.encoding, layout.line_end, layout.first_line, size)
-    if layout.path.stat().st_size < quick_from:
-        for chunk in pieces:
-            yield rows.parse(chunk, layout, wanted)
-        return
-    quick = _compiled_pass() if is_plain(layout) else None
+    length = layout.path.stat().st_size
+    quick = _compiled_pass() if is_plain(layout) and _is_worth_loading(length, quick_from) else None
 
     def parse(chunk: Chunk) -> Parsed:
         parsed = quick(chunk, layout, wanted) if quick else None
         return rows.parse(chunk, layout, wanted) if parsed is None else parsed
 
-    yield from _in_order(parse, pieces)
+    yield from map(parse, pieces) if length <= size else _in_order(parse, pieces)
+
+
+def _is_worth_loading(length: int, quick_from: int) -> bool:
+    """Tell whether the compiled pass is loaded, or so much is to be read by this process that it should be."""
+    global _bytes_so_far
+    _bytes_so_far += length
+    return length >= quick_from or _bytes_so_far >= QUICK_FROM_BYTES or _COMPILED in sys.modules
 
 
 def is_plain(layout: Layout) -> bool:
