@@ -169,7 +169,7 @@ def _codes(error: BaseException) -> Iterator[str]:
     if isinstance(response, dict):
         yield str(response.get("Error", {}).get("Code", ""))
         yield str(response.get("ResponseMetadata", {}).get("HTTPStatusCode", ""))
-    for attribute in ("status", "status_code", "code"):
+    for attribute in ("status", "status_code"):
         if isinstance(code := getattr(error, attribute, None), int):
             yield str(code)
 
