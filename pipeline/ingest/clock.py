@@ -67,7 +67,9 @@ class Clock:
         self.notes: list[QualityFinding] = list(time.notes)
         self._zero = 0.0
         self._factor = 1.0
-        self._absolute_start = source.table.absolute_start
+        named = source.table.time_channel
+        # A date of one channel is none of another that the recipe takes for time.
+        self._absolute_start = source.table.absolute_start if named in (None, time.channel) else None
         self._started = False
 
     def start(self, first: float, step: float = math.nan) -> None:

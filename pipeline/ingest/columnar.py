@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import EmptyLogError, InputError
 from pipeline.ingest.column_table import as_numbers, as_text, named, seconds_since
+from pipeline.ingest.misnamed import misnamed
 from pipeline.ingest.reader import BLOCK_ROWS, RawChannel, RawLog, RawTable, Reader
 from pipeline.recording import QualityFinding
 
@@ -46,10 +47,19 @@ class ColumnarReader(Reader):
             If the file is broken, or holds no column of numbers.
         """
         source = _source(path)
+        if not source.rows:
+            raise EmptyLogError(
+                f"{path}: this {source.kind} file holds no rows; export or record the log again, with its samples."
+            )
         table = ArrowTable(path, source)
         if not any(not channel.is_text for channel in table.channels):
             raise InputError(f"{path}: this {source.kind} file holds no column of numbers to read as a channel.")
-        notes = [QualityFinding("note", f"the column '{name}' ({kind}) is left out.") for name, kind in table.left_out]
+        notes = [
+            QualityFinding(
+                "note", f"the column '{name}' ({kind}) is left out; write what is in it as columns of numbers."
+            )
+            for name, kind in table.left_out
+        ]
         details = {"rows": str(source.rows), "columns": str(len(source.schema))}
         return RawLog(path, source.kind, [table], _metadata(source.schema.metadata), details, tuple(notes))
 
@@ -185,9 +195,7 @@ def _source(path: Path) -> _Source:
             f"{path}: is a Feather file of version 1, which its makers gave up; read it with pandas and write it again."
         )
     if not head.startswith((_PARQUET, _ARROW)):
-        raise InputError(
-            f"{path}: is called {path.suffix}, but is no Parquet or Feather file (it begins with the bytes {head.hex(' ')})."
-        )
+        raise misnamed(path, "Parquet or Feather file")
     try:
         if kind == "Parquet":
             with pq.ParquetFile(path) as parquet:

@@ -6,49 +6,65 @@ Units are their attributes; other attributes and single values are what the log 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pipeline.errors import InputError, counted
-from pipeline.ingest.column_table import ColumnSource, ColumnTable, is_number
+from pipeline.errors import InputError, counted, listing
+from pipeline.ingest.column_table import ColumnSource, ColumnTable
 from pipeline.ingest.extras import library
+from pipeline.ingest.hdf5_columns import (
+    MOST_COLUMNS,
+    OF_THE_NUMBERS,
+    UNITS,
+    columns_of,
+    date_of,
+    is_column,
+    members_of,
+    unit_of,
+    word,
+)
+from pipeline.ingest.misnamed import misnamed
 from pipeline.ingest.reader import RawLog, Reader
 from pipeline.recording import QualityFinding
 
 MARK = b"\x89HDF\r\n\x1a\n"
-_UNITS = ("units", "unit", "Units", "Unit", "UNITS")
-_MOST_COLUMNS = 64
 # Shorter data sets beside longer ones are parameters, not signals.
 _SHORTEST_SIGNAL = 4
 _MOST_SHOWN = 16
 _MOST_SETS = 10_000
+_LAST_MARK = 4096
 
 
 @dataclass
 class _Contents:
-    """What a file holds: columns by group and length, what it says of itself, what is left out."""
+    """What a file holds: columns by group and length, what it says of itself, what is left out.
+
+    `since` gives, by group and length, the column that counts from a date, and that date.
+    """
 
     columns: dict[tuple[str, int], list[ColumnSource]] = field(default_factory=dict)
+    since: dict[tuple[str, int], tuple[str, str]] = field(default_factory=dict)
     metadata: dict[str, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
     sets: int = 0
 
 
 class Hdf5Reader(Reader):
-    """Reads HDF5 files whose mark stands at the front."""
+    """Reads HDF5 files, also those behind a block of another program's."""
 
     name = "hdf5"
-    version = 1
+    version = 2
     suffixes = (".h5", ".hdf5", ".hdf", ".nc")
 
     def recognises(self, head: bytes, suffix: str) -> bool:
         """Tell by the mark; a file named so is taken too, to say what is wrong with it."""
-        return head.startswith(MARK) or suffix in self.suffixes
+        return _has_mark(head) or suffix in self.suffixes
 
     def open(self, path: Path) -> RawLog:
         """Walk through the groups and list what is in them.
@@ -58,14 +74,26 @@ class Hdf5Reader(Reader):
         InputError
             If h5py is not installed, or the file is broken or holds no vector of numbers.
         """
+        with path.open("rb") as file:
+            head = file.read(_LAST_MARK + len(MARK))
+        if head.startswith(b"CDF"):
+            raise InputError(
+                f"{path}: is a netCDF file of the classic format, which is not read; write it as netCDF 4 (HDF5): "
+                f"nccopy -k nc4 {path.name} new.nc"
+            )
+        if not _has_mark(head):
+            raise misnamed(path, "HDF5 file")
         contents = _Contents()
         with opened(path) as file:
             _attributes(contents, file, "")
             _walk(contents, file, "")
-        tables = [_table(path, group, rows, columns) for (group, rows), columns in contents.columns.items()]
+        tables = [_table(path, contents, at) for at in contents.columns]
         tables = [table for table in tables if any(not channel.is_text for channel in table.channels)]
         if not tables:
-            raise InputError(f"{path}: this HDF5 file holds no vector of numbers to read as a channel.")
+            words = [name for columns in contents.columns.values() for name in (c.name for c in columns)]
+            names = [*contents.metadata, *words, *contents.left_out]
+            found = listing(names, 8) if names else "nothing"
+            raise InputError(f"{path}: this HDF5 file holds no vector of numbers to read as a channel; it has {found}.")
         _name(tables)
         notes = [
             QualityFinding("note", f"a data set was left out: {text}.") for text in contents.left_out[:_MOST_SHOWN]
@@ -124,72 +152,40 @@ def _sort(contents: _Contents, data: Any, place: str, name: str) -> None:
     elif data.size == 1:
         value = np.asarray(data[()]).reshape(-1)[0]
         if data.dtype.names is None:
-            contents.metadata[full] = _with_unit(_word(value), _unit(data))
+            contents.metadata[full] = _with_unit(word(value), unit_of(data))
         _attributes(contents, data, f"{full}.")
     elif data.ndim == 1 and data.shape[0] < _SHORTEST_SIGNAL and data.dtype.names is None:
-        contents.metadata[full] = " ".join(_word(value) for value in data[()])
+        contents.metadata[full] = " ".join(word(value) for value in data[()])
     elif data.dtype.names is not None and data.ndim == 1:
-        contents.columns.setdefault((f"{place}/{name}".strip("/"), data.shape[0]), []).extend(
-            _members(contents, data, full)
-        )
-    elif _is_column(data.dtype) and (data.ndim == 1 or (data.ndim == 2 and min(data.shape) <= _MOST_COLUMNS)):
-        contents.columns.setdefault((place, max(data.shape)), []).extend(_columns(data, name))
+        found, left_out = members_of(data)
+        contents.columns.setdefault((f"{place}/{name}".strip("/"), data.shape[0]), []).extend(found)
+        contents.left_out += [f"{full}.{member}" for member in left_out]
+    elif is_column(data.dtype) and (data.ndim == 1 or (data.ndim == 2 and min(data.shape) <= MOST_COLUMNS)):
+        contents.columns.setdefault((place, max(data.shape)), []).extend(columns_of(data, name))
+        if (date := date_of(data)) is not None:
+            contents.since[place, max(data.shape)] = (name, date)
         _attributes(contents, data, f"{full}.")
     else:
         shape = " x ".join(map(str, data.shape))
         contents.left_out.append(f"{full} (an array of {shape} of type {data.dtype})")
 
 
-def _columns(data: Any, name: str) -> list[ColumnSource]:
-    """Return a vector, or the columns of a matrix: by rows where it has few rows and many columns."""
-    where, unit, text = data.name, _unit(data), not is_number(data.dtype)
-    if data.ndim == 1:
-        return [ColumnSource(name, unit, lambda file, start, stop: file[where][start:stop], is_text=text)]
-    lies = data.shape[0] < data.shape[1]
-
-    def of(index: int) -> Callable[[Any, int, int], np.ndarray]:
-        return lambda file, start, stop: file[where][index, start:stop] if lies else file[where][start:stop, index]
-
-    count = min(data.shape)
-    names = [name] if count == 1 else [f"{name}_{at + 1}" for at in range(count)]
-    return [ColumnSource(called, unit, of(at), is_text=text) for at, called in enumerate(names)]
+def _table(path: Path, contents: _Contents, at: tuple[str, int]) -> ColumnTable:
+    group, rows = at
+    time, begins = contents.since.get(at, (None, None))
+    if begins is not None:
+        try:
+            begins = datetime.fromisoformat(begins.removesuffix("UTC").strip()).isoformat()
+        except ValueError:
+            time = begins = None
+    return ColumnTable(group, contents.columns[at], rows, lambda: opened(path), time, begins)
 
 
-def _members(contents: _Contents, data: Any, full: str) -> list[ColumnSource]:
-    """Return the columns of a table of records; a member that is a vector has numbered columns."""
-    where, columns = data.name, []
-
-    def of(member: str, index: int | None) -> Callable[[Any, int, int], np.ndarray]:
-        def read(file: Any, start: int, stop: int) -> np.ndarray:
-            values = file[where][member, start:stop]
-            return np.asarray(values if index is None else values[:, index])
-
-        return read
-
-    for member in data.dtype.names:
-        kind = data.dtype[member]
-        base = kind.base
-        if not _is_column(base) or (kind.shape and (len(kind.shape) > 1 or kind.shape[0] > _MOST_COLUMNS)):
-            contents.left_out.append(f"{full}.{member} (of type {kind})")
-            continue
-        text = not is_number(base)
-        if not kind.shape:
-            columns.append(ColumnSource(member, None, of(member, None), is_text=text))
-        else:
-            columns += [
-                ColumnSource(f"{member}_{k + 1}", None, of(member, k), is_text=text) for k in range(kind.shape[0])
-            ]
-    return columns
-
-
-def _is_column(dtype: Any) -> bool:
-    import h5py
-
-    return is_number(dtype) or dtype.kind in "SU" or h5py.check_string_dtype(dtype) is not None
-
-
-def _table(path: Path, group: str, rows: int, columns: list[ColumnSource]) -> ColumnTable:
-    return ColumnTable(group, columns, rows, lambda: opened(path))
+def _has_mark(head: bytes) -> bool:
+    """Tell by the mark, which may stand behind a block of 512 bytes or a power of two more; MATLAB's files are not meant."""
+    if head.startswith(b"MATLAB"):
+        return False
+    return any(head[at : at + len(MARK)] == MARK for at in (0, 512, 1024, 2048, _LAST_MARK))
 
 
 def _name(tables: list[ColumnTable]) -> None:
@@ -205,28 +201,14 @@ def _name(tables: list[ColumnTable]) -> None:
 
 def _attributes(contents: _Contents, of: Any, prefix: str) -> None:
     for key, value in of.attrs.items():
-        if key in _UNITS or key.isupper() or key.startswith(("MATLAB_", "_", "DIMENSION")):
+        if key in (*UNITS, *OF_THE_NUMBERS) or key.isupper() or key.startswith(("MATLAB_", "_", "DIMENSION")):
             continue
         if isinstance(value, str | bytes | int | float | np.generic) or (
             isinstance(value, np.ndarray) and value.size == 1
         ):
-            text = _word(np.asarray(value).reshape(-1)[0])
+            text = word(np.asarray(value).reshape(-1)[0])
             if text and len(text) <= 200:
                 contents.metadata[f"{prefix}{key}"] = text
-
-
-def _unit(data: Any) -> str | None:
-    for key in _UNITS:
-        if key in data.attrs:
-            value = np.asarray(data.attrs[key]).reshape(-1)
-            return (_word(value[0]).strip() or None) if value.size else None
-    return None
-
-
-def _word(value: Any) -> str:
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace")
-    return str(value.item() if isinstance(value, np.generic) else value)
 
 
 def _with_unit(text: str, unit: str | None) -> str:

@@ -18,6 +18,7 @@ import numpy as np
 from pipeline.errors import InputError, listing
 from pipeline.ingest.column_table import as_numbers, as_text, is_number, named
 from pipeline.ingest.extras import library
+from pipeline.ingest.misnamed import misnamed
 from pipeline.ingest.reader import RawChannel, RawLog, RawTable, Reader
 from pipeline.recording import QualityFinding
 
@@ -50,6 +51,9 @@ class MdfReader(Reader):
         InputError
             If asammdf is not installed, or the file is broken or holds no channel of numbers.
         """
+        with path.open("rb") as file:
+            if not file.read(len(_MARKS[0])).startswith(_MARKS):
+                raise misnamed(path, "MDF file")
         tables: list[MdfTable] = []
         left_out: list[str] = []
         with _opened(path) as mdf:

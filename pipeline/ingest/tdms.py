@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.errors import InputError, listing
 from pipeline.ingest.column_table import ColumnSource, ColumnTable, is_number
 from pipeline.ingest.extras import library
+from pipeline.ingest.misnamed import misnamed
 from pipeline.ingest.reader import RawLog, Reader
 from pipeline.recording import QualityFinding
 
@@ -52,6 +53,9 @@ class TdmsReader(Reader):
         InputError
             If npTDMS is not installed, or the file is broken or holds no channel with samples.
         """
+        with path.open("rb") as file:
+            if not file.read(len(_MARKS[0])).startswith(_MARKS):
+                raise misnamed(path, "TDMS file")
         notes: list[QualityFinding] = []
         metadata = _Said()
         tables: list[ColumnTable] = []

@@ -17,6 +17,14 @@ from pipeline.ingest.matlab.values import BrokenFileError, Struct, Unread, Value
 _DEEPEST = 32
 _LARGEST = 4 << 30
 _CLASS, _EMPTY = "MATLAB_class", "MATLAB_empty"
+_ADVICE = {
+    "table": "; save it as vectors, in MATLAB: s = table2struct(T, 'ToScalar', true)",
+    "timetable": "; save it as vectors, in MATLAB: s = table2struct(timetable2table(TT, 'ConvertRowTimes', false), 'ToScalar', "
+    "true); s.time = seconds(TT.Properties.RowTimes - TT.Properties.RowTimes(1))",
+    "timeseries": "; save it as vectors, in MATLAB: s.time = ts.Time; s.data = ts.Data",
+    "duration": "; save it as numbers, in MATLAB: seconds(d)",
+    "datetime": "; save it as numbers, in MATLAB: posixtime(d)",
+}
 _NUMBERS = {"double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
 
 
@@ -43,8 +51,10 @@ def _value(file: Any, stored: Any, name: str, depth: int) -> Value:
         raise BrokenFileError(f"structures lie more than {_DEEPEST} deep in '{name}'")
     if isinstance(stored, h5py.Group):
         kind = _class_of(stored)
+        if "MATLAB_sparse" in stored.attrs:
+            return Unread("a sparse matrix")
         if kind not in ("struct", ""):
-            return Unread(f"a {kind}")
+            return _object(kind)
         return _struct(file, stored, name, depth)
     kind = _class_of(stored)
     if _EMPTY in stored.attrs and int(stored.attrs[_EMPTY]):
@@ -59,7 +69,12 @@ def _value(file: Any, stored: Any, name: str, depth: int) -> Value:
         return Unread("a cell array" if kind == "cell" else "an array of references")
     if kind in _NUMBERS or (not kind and stored.dtype.kind in "fiub"):
         return _numbers(np.asarray(stored[()]))
-    return Unread(f"a {kind}" if kind else f"data of type {stored.dtype}")
+    return _object(kind) if kind else Unread(f"data of type {stored.dtype}")
+
+
+def _object(kind: str) -> Unread:
+    """Return what is said of an object, whose layout only MATLAB knows."""
+    return Unread(f"a {kind}{_ADVICE.get(kind, '')}")
 
 
 def _struct(file: Any, group: Any, name: str, depth: int) -> Struct:

@@ -44,8 +44,8 @@ def _kind(finding: QualityFinding) -> tuple[str, str]:
 
 def _sum(alike: Sequence[QualityFinding]) -> QualityFinding:
     names = list(dict.fromkeys(finding.channel for finding in alike if finding.channel is not None))
-    if names:
+    if len(names) > 1:
         told = f"of {len(names)} channels alike ({listing(names, _NAMED)}) the first: {alike[0].message}"
     else:
         told = f"{alike[0].message} The same holds {len(alike) - 1} times more."
-    return replace(alike[0], message=told, channel=None, span=None)
+    return replace(alike[0], message=told, channel=names[0] if len(names) == 1 else None, span=None)

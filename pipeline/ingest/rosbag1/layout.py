@@ -16,6 +16,7 @@ from pipeline.errors import InputError
 from pipeline.ingest.mcap_log.batches import LARGEST_CHUNK
 from pipeline.ingest.mcap_log.layout import Damage, Layout, Segment
 from pipeline.ingest.mcap_log.records import ChunkHead, MalformedError, printable
+from pipeline.ingest.misnamed import misnamed
 from pipeline.ingest.rosbag1 import records
 from pipeline.ingest.rosbag1.records import Fields
 
@@ -60,10 +61,7 @@ def _no_bag(path: Path, line: bytes) -> InputError:
             f"{path}: is a ROS bag of version {printable(version)}; only version 2.0 is read. Write it anew with ROS's own "
             f"'rosbag filter {path.name} new.bag True'."
         )
-    return InputError(
-        f"{path}: is called {path.suffix}, but is no ROS 1 bag (it begins with {line!r} where {_VERSION!r} was expected). "
-        "If it holds another kind of log, give it that kind's suffix; else record or copy it again."
-    )
+    return misnamed(path, "ROS 1 bag")
 
 
 class _Walk:

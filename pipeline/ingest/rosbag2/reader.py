@@ -16,6 +16,7 @@ from pipeline.errors import InputError, listing
 from pipeline.ingest.mcap_log.layout import Layout
 from pipeline.ingest.mcap_log.reader import log_of
 from pipeline.ingest.mcap_log.records import Channel, Schema, printable
+from pipeline.ingest.misnamed import misnamed
 from pipeline.ingest.reader import RawLog, Reader
 from pipeline.ingest.rosbag2.definitions import Definitions
 from pipeline.ingest.rosbag2.rows import RowMessages, broken, connected, has_waiting, survey_rows
@@ -50,10 +51,7 @@ class Rosbag2Reader(Reader):
             head = file.read(len(_MAGIC))
             size = file.seek(0, 2)
         if head != _MAGIC:
-            raise InputError(
-                f"{path}: is called {path.suffix}, but is no SQLite file (it begins with {head!r} where {_MAGIC!r} was "
-                "expected). If it holds another kind of log, give it that kind's suffix; else record or copy it again."
-            )
+            raise misnamed(path, "SQLite file of a ROS 2 bag")
         layout = Layout(path, size, profile="ros2")
         about: dict[str, str] = {}
         try:
