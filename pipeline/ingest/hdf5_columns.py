@@ -20,7 +20,23 @@ _TIMES = {
     "days": "d", "hours": "h", "minutes": "min", "seconds": "s", "milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns",
 }  # fmt: skip
 
-_Pick = Callable[[Any, int, int], Any]
+_Read = Callable[[Any, int, int], Any]
+
+
+class _Rows:
+    """The rows of a data set that were read last: its columns ask for the same ones, one after another."""
+
+    def __init__(self, data: Any, lies: bool = False) -> None:
+        self.where, self.lies = data.name, lies
+        self.key: tuple[int, int, int] | None = None
+        self.values: Any = None
+
+    def __call__(self, file: Any, start: int, stop: int) -> Any:
+        key = (id(file), start, stop)
+        if key != self.key:
+            stored = file[self.where]
+            self.key, self.values = key, stored[:, start:stop].T if self.lies else stored[start:stop]
+        return self.values
 
 
 def columns_of(data: Any, name: str) -> list[ColumnSource]:
@@ -28,12 +44,20 @@ def columns_of(data: Any, name: str) -> list[ColumnSource]:
     unit = unit_of(data)
     if since := _SINCE.match(unit or ""):
         unit = _TIMES.get(since[1].lower(), since[1])
+    where = data.name
     if data.ndim == 1:
-        return _column(data, name, unit, lambda stored, start, stop: stored[start:stop])
+        return _column(data, name, unit, lambda file, start, stop: file[where][start:stop])
     lies = data.shape[0] < data.shape[1]
+    rows = _Rows(data, lies)
+    apart = data.chunks is not None and data.chunks[0 if lies else 1] == 1
 
-    def of(index: int) -> _Pick:
-        return lambda stored, start, stop: stored[index, start:stop] if lies else stored[start:stop, index]
+    def of(index: int) -> _Read:
+        def read(file: Any, start: int, stop: int) -> Any:
+            if not apart:
+                return rows(file, start, stop)[:, index]
+            return file[where][index, start:stop] if lies else file[where][start:stop, index]
+
+        return read
 
     count = min(data.shape)
     names = _names(data, name, count)
@@ -54,17 +78,16 @@ def _names(data: Any, name: str, count: int) -> list[str]:
     return [name] if count == 1 else [f"{name}_{at + 1}" for at in range(count)]
 
 
-def _column(data: Any, name: str, unit: str | None, pick: _Pick) -> list[ColumnSource]:
+def _column(data: Any, name: str, unit: str | None, stored: _Read) -> list[ColumnSource]:
     """Return a column as it was meant, a complex one as its two parts.
 
     Packed numbers count in steps from an offset, and one of them stands for no value (CF conventions, sections 2.5 and 8.1).
     """
-    where = data.name
     scale, offset = _attribute(data, "scale_factor"), _attribute(data, "add_offset")
     none = [value for key in ("_FillValue", "missing_value") if (value := _attribute(data, key)) is not None]
 
     def read(file: Any, start: int, stop: int) -> np.ndarray:
-        values = np.asarray(pick(file[where], start, stop))
+        values = np.asarray(stored(file, start, stop))
         if scale is None and offset is None and not none:
             return values
         missing = np.isin(values, none)
@@ -77,7 +100,7 @@ def _column(data: Any, name: str, unit: str | None, pick: _Pick) -> list[ColumnS
             ColumnSource(f"{name}.imag", unit, lambda file, start, stop: read(file, start, stop).imag),
         ]
     if not is_number(data.dtype):
-        return [ColumnSource(name, unit, lambda file, start, stop: pick(file[where], start, stop), is_text=True)]
+        return [ColumnSource(name, unit, stored, is_text=True)]
     return [ColumnSource(name, unit, read)]
 
 
@@ -89,14 +112,14 @@ def _attribute(data: Any, key: str) -> float | None:
 
 def members_of(data: Any) -> tuple[list[ColumnSource], list[str]]:
     """Return the columns of a table of records, and what is none; a member that is a vector has numbered columns."""
-    where = data.name
+    rows = _Rows(data)
     columns: list[ColumnSource] = []
     left_out: list[str] = []
     units = _units_of_members(data)
 
     def of(member: str, index: int | None) -> Callable[[Any, int, int], np.ndarray]:
         def read(file: Any, start: int, stop: int) -> np.ndarray:
-            values = file[where][member, start:stop]
+            values = rows(file, start, stop)[member]
             return np.asarray(values if index is None else values[:, index])
 
         return read
