@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,27 +12,15 @@ from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers, campaign_of
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
-from pipeline.rigs.gearbox.faults import errors_of, input_faults
 from pipeline.rigs.gearbox.load.checks import Misfit, load_law, run_order, same_inertia
+from pipeline.rigs.gearbox.many.stand_for_all import shown_of
+from pipeline.rigs.gearbox.one_run import SECONDS, Tasks, told_by
 from pipeline.rigs.gearbox.outcome.arrays import arrays_of
 from pipeline.rigs.gearbox.outcome.parameters import models_of, parameters_of
 from pipeline.rigs.gearbox.outcome.published import published
 from pipeline.rigs.gearbox.outcome.verdict import judge
-from pipeline.rigs.gearbox.record import record_of
-from pipeline.rigs.gearbox.run_faults import run_faults, speed_faults
-from pipeline.rigs.gearbox.run_numbers import RunNumbers, numbers_of
-from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers, vibration_of
 from pipeline.rigs.nothing_usable import nothing_usable
-
-
-@dataclass
-class _Sorted:
-    """Numbers of the runs that can be used, why others are left out, and what was noticed."""
-
-    numbers: list[RunNumbers] = field(default_factory=list)
-    vibration: dict[str, VibrationNumbers] = field(default_factory=dict)
-    left_out: dict[str, str] = field(default_factory=dict)
-    quality: list[QualityFinding] = field(default_factory=list)
+from pipeline.rigs.over_runs import MANY
 
 
 def identify(recordings: Sequence[Recording], settings: LoadExchangeSettings, context: Context) -> Findings:
@@ -44,16 +31,28 @@ def identify(recordings: Sequence[Recording], settings: LoadExchangeSettings, co
     InputError
         If no run can be used at all.
     """
-    runs = _Sorted()
-    for recording in recordings:
-        _sort(recording, runs)
-    if not runs.numbers:
-        raise InputError(nothing_usable(runs.left_out, recordings))
-    campaign = campaign_of(runs.numbers)
-    runs.quality = list(dict.fromkeys([*runs.quality, *_campaign_faults(campaign)]))
-    levels = [level for run in runs.numbers for level in runs.vibration[run.name].levels]
+    many = len(recordings) > MANY
+    each = context.each(told_by, Tasks(recordings, drawn=not many), SECONDS * len(recordings))
+    told = {}
+    for done, one in enumerate(each, 1):
+        told[one.run] = one
+        context.progress(0.9 * done / len(recordings), f"run {one.run}")
+    left_out = {one.run: one.left_out for one in told.values() if one.left_out}
+    runs = [one.numbers for one in told.values() if one.numbers is not None]
+    if not runs:
+        raise InputError(nothing_usable(left_out, recordings))
+    campaign = campaign_of(runs, {one.run: one.begins for one in told.values()})
+    if many:
+        chosen = set(shown_of(campaign))
+        which = [place for place, run in enumerate(told) if run in chosen]
+        drawn = context.each(told_by, Tasks([recordings[place] for place in which], drawn=True), SECONDS * len(which))
+        told |= {one.run: one for one in drawn}
+    vibration = {one.run: one.vibration for one in told.values()}
+    quality = [finding for one in told.values() for finding in one.quality]
+    quality = list(dict.fromkeys([*quality, *_campaign_faults(campaign), *_over_campaign(campaign)]))
+    levels = [level for run in runs for level in vibration[run.name].levels]
     parameters = parameters_of(campaign, levels, settings)
-    said = judge(campaign, parameters, runs.vibration, runs.left_out, runs.quality, settings)
+    said = judge(campaign, parameters, vibration, left_out, quality, settings)
     return Findings(
         campaign=context.campaign,
         experiment="gearbox.load_exchange",
@@ -61,48 +60,15 @@ def identify(recordings: Sequence[Recording], settings: LoadExchangeSettings, co
         reasons=said.reasons,
         parameters=parameters,
         models=models_of(campaign),
-        published=published(campaign, parameters, runs.vibration),
-        quality=[
-            Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in runs.quality
-        ],
+        published=published(campaign, parameters, vibration),
+        quality=[Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in quality],
         runs=[
-            Run(
-                run=r.run,
-                used=r.run not in runs.left_out,
-                reason=runs.left_out.get(r.run, ""),
-                conditions=dict(r.conditions),
-            )
-            for r in recordings
+            Run(run=one.run, used=not one.left_out, reason=one.left_out, conditions=dict(one.conditions))
+            for one in told.values()
         ],
         advice=said.advice,
-        arrays=arrays_of(campaign, runs.vibration, settings),
+        arrays=arrays_of(campaign, told, settings),
     )
-
-
-def _sort(recording: Recording, runs: _Sorted) -> None:
-    """Find the numbers of one run, or why it has none."""
-    try:
-        record = record_of(recording)
-    except InputError as error:
-        runs.left_out[recording.run] = str(error)
-        runs.quality.append(QualityFinding("error", f"left out: {error}", recording.run))
-        return
-    found = [*record.findings, *input_faults(record)]
-    numbers: RunNumbers | None = None
-    vibration = VibrationNumbers()
-    if not errors_of(found):
-        numbers = numbers_of(record)
-        found += speed_faults(numbers)
-    if numbers is not None and not errors_of(found):
-        vibration = vibration_of(numbers)
-        found += run_faults(numbers, vibration)
-    runs.quality += found
-    errors = errors_of(found)
-    if errors or numbers is None:
-        runs.left_out[recording.run] = errors[0]
-        return
-    runs.numbers.append(numbers)
-    runs.vibration[recording.run] = vibration
 
 
 def _campaign_faults(campaign: CampaignNumbers) -> list[QualityFinding]:
@@ -111,15 +77,22 @@ def _campaign_faults(campaign: CampaignNumbers) -> list[QualityFinding]:
     windows = [run.windows for run in campaign.runs if run.windows is not None]
     if load is None:
         return _failed([campaign.unlike])
-    single = {run.name: run.load for run in campaign.runs if run.load is not None}
+    single = {
+        run.name: run.load for run in campaign.runs if run.load is not None and run.name not in campaign.exceptions
+    }
     misfits: list[Misfit | None] = [campaign.unlike, load_law(windows, load), same_inertia(single)]
-    if len(single) > 3 and not campaign.mixed:
+    if len(single) > 3 and not campaign.mixed and not campaign.watched:
         values = np.array([float(one.values[0] - load.values[0]) for one in single.values()])
         errors = np.array([float(one.covariance.std_error[0]) for one in single.values()])
         dofs = np.array([one.covariance.dof for one in single.values()])
         speeds = np.array([run.speed for run in campaign.runs if run.name in single])
         misfits.append(run_order(values, errors, dofs, "the load's inertia", "kg m2", speeds))
     return _failed(misfits)
+
+
+def _over_campaign(campaign: CampaignNumbers) -> list[QualityFinding]:
+    """Return what changes over a campaign of many runs, and which are unlike the others."""
+    return [QualityFinding("warning", sentence) for number in campaign.watched for sentence in number.sentences()]
 
 
 def _failed(misfits: Sequence[Misfit | None]) -> list[QualityFinding]:

@@ -50,6 +50,10 @@ class Signal:
         inside = slice(int(np.searchsorted(self.time, start)), int(np.searchsorted(self.time, end, side="right")))
         return Signal(self.time[inside], {name: values[inside] for name, values in self.values.items()})
 
+    def emptied(self) -> Signal:
+        """Return the same channels without a sample."""
+        return Signal(np.zeros(0), dict.fromkeys(self.values, np.zeros(0)))
+
     def on_clock(self, shift: float, drift: float = 0.0) -> Signal:
         """Return the same samples at ``time * (1 + drift) + shift``."""
         return Signal(self.time * (1.0 + drift) + shift, self.values)
@@ -94,6 +98,11 @@ class Record:
         """Nominal input speed as set, rad/s; None where the run does not say."""
         value = self.conditions.get("speed_nominal")
         return float(value) if isinstance(value, int | float) and value > 0 else None
+
+    def emptied(self) -> Record:
+        """Return the record without its samples: which boards there are, conditions and findings stay."""
+        boards = {name: getattr(self, name) for name in ("torque", "encoder", "vibration", "speed_in", "brake_force")}
+        return replace(self, **{name: board.emptied() for name, board in boards.items() if board is not None})
 
     def aligned(self, encoder: Signal, vibration: Signal | None) -> Record:
         """Return the record with encoder and vibration brought to the clock of the torques."""

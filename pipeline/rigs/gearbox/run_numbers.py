@@ -49,6 +49,8 @@ class RunNumbers:
         Mean output speed in FOS and its standard error, rad/s.
     speed_in
         Input speed in SOS.
+    speed_at_unlock
+        Speed of the locked shafts as the lock breaks, rad/s, NaN where it is not known.
     broken_off
         Logs that end before others.
     hums
@@ -67,6 +69,7 @@ class RunNumbers:
     load_parts: Mapping[str, LoadFit] = field(default_factory=dict)
     speed_out: tuple[float, float] = (math.nan, math.nan)
     speed_in: InputSpeed | None = None
+    speed_at_unlock: float = math.nan
     broken_off: tuple[Problem, ...] = ()
     hums: Mapping[str, Hum] = field(default_factory=dict)
 
@@ -127,21 +130,16 @@ class RunNumbers:
         return peak_ is not None and peak_.saturated
 
     @property
-    def speed_at_unlock(self) -> float:
-        """Speed of the locked shafts as the lock breaks, rad/s, NaN where it is not known.
-
-        The brake slows them evenly from its onset on, so they have lost twice as much then as on the mean.
-        """
-        onset, unlock = (self.run.events.get(name, math.nan) for name in ("brake_onset", "unlock"))
-        if not unlock - onset > 0.02 or not self.run.whole(onset, unlock):
-            return math.nan
-        turned = np.diff(self.run.angle_at(np.array([onset, unlock])))[0]
-        return float(2.0 * turned / (unlock - onset) - self.speed_out[0])
-
-    @property
     def zeroed(self) -> bool:
         """Tell whether the zero offsets of both torques are known."""
         return not any(math.isnan(self.zero(name)) for name in TORQUES)
+
+    def emptied(self) -> RunNumbers:
+        """Return the same numbers without the samples that they were found in: some kB instead of MB."""
+        none = np.zeros(0)
+        run = replace(self.run, time=none, torque_in=none, torque_out=none, angle_time=none, angle=none)
+        counts = replace(self.counts, time=none, angle=none)
+        return replace(self, record=self.record.emptied(), run=run, counts=counts)
 
 
 def numbers_of(record: Record) -> RunNumbers:
@@ -164,7 +162,8 @@ def numbers_of(record: Record) -> RunNumbers:
     windows, parts = _load(run, torques)
     return RunNumbers(
         replace(record, torque=logged), alignment, segmentation, offsets, counts, run, torques,
-        windows, None if windows is None else load_parameters([windows]), parts, speed_out, speed_in, (*lasting, *ended), hums,
+        windows, None if windows is None else load_parameters([windows]), parts, speed_out, speed_in,
+        _speed_at_unlock(run, speed_out[0]), (*lasting, *ended), hums,
     )  # fmt: skip
 
 
@@ -190,6 +189,18 @@ def _speed_out(run: AlignedRun, counts: Counts) -> tuple[float, float]:
     start, end = run.stages.get("fos", (math.nan, math.nan))
     speed, error = counts.rate(start + 0.2, end - 0.2)
     return speed, math.hypot(error, run.rate_sd["encoder"] * speed)
+
+
+def _speed_at_unlock(run: AlignedRun, speed_out: float) -> float:
+    """Return the speed of the locked shafts as the lock breaks, rad/s, NaN where it is not known.
+
+    The brake slows them evenly from its onset on, so they have lost twice as much then as on the mean.
+    """
+    onset, unlock = (run.events.get(name, math.nan) for name in ("brake_onset", "unlock"))
+    if not unlock - onset > 0.02 or not run.whole(onset, unlock):
+        return math.nan
+    turned = np.diff(run.angle_at(np.array([onset, unlock])))[0]
+    return float(2.0 * turned / (unlock - onset) - speed_out)
 
 
 def _load(run: AlignedRun, torques: Torques) -> tuple[Windows | None, dict[str, LoadFit]]:

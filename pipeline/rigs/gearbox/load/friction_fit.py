@@ -13,7 +13,8 @@ from typing import Literal
 import numpy as np
 
 from pipeline.estimation.separable import fit_separable, linear_fit
-from pipeline.estimation.uncertainty import Covariance
+from pipeline.estimation.uncertainty import Covariance, effective_size
+from pipeline.rigs.over_runs import MANY
 
 # Below so many different speeds the Stribeck law's four parameters cannot be told.
 LEAST_SPEEDS = 5
@@ -76,8 +77,45 @@ def distinct(speeds: np.ndarray) -> int:
     return int(ordered.size and 1 + np.sum(np.diff(ordered) > _SAME * ordered[1:]))
 
 
-def shared_covariance(own_error: np.ndarray, torque_out: np.ndarray, a: float, a_error: float) -> np.ndarray:
-    """Return the covariance of x - T_out/a over the runs: own errors, and that of `a`, which all share.
+@dataclass(frozen=True, eq=False)
+class SharedErrors:
+    """Errors of one value a run: those of its own and those that all runs share.
+
+    Attributes
+    ----------
+    own
+        Standard error of each run alone, shape (n,).
+    common
+        How much one standard error of each shared cause moves every run, shape (n, k).
+    """
+
+    own: np.ndarray
+    common: np.ndarray
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """Covariance of the runs, shape (n, n)."""
+        return np.asarray(np.diag(self.own**2) + self.common @ self.common.T)
+
+    def whitening(self) -> Callable[[np.ndarray], np.ndarray]:
+        """Return the map of rows (n, ...) after which they are independent and of unit variance.
+
+        (I + V V')^-1/2 from the singular values of V = common / own: the work grows with the runs, not with their square.
+        """
+        directions, sizes, _ = np.linalg.svd(self.common / self.own[:, None], full_matrices=False)
+        shrink = 1.0 / np.sqrt(1.0 + sizes**2) - 1.0
+
+        def whiten(rows: np.ndarray) -> np.ndarray:
+            scaled = (rows.T / self.own).T
+            return np.asarray(scaled + (directions * shrink) @ np.tensordot(directions.T, scaled, 1))
+
+        return whiten
+
+
+def shared_errors(
+    own_error: np.ndarray, torque_out: np.ndarray, a: float, a_error: float, common: np.ndarray | None = None
+) -> SharedErrors:
+    """Return the errors of x - T_out/a over the runs: own ones, that of `a`, which all share, and `common` ones.
 
     Parameters
     ----------
@@ -85,20 +123,22 @@ def shared_covariance(own_error: np.ndarray, torque_out: np.ndarray, a: float, a
         N m, shape (n,).
     a, a_error
         Transfer slope and its standard error.
+    common
+        Of T_out, N m, shape (n, k).
     """
-    pull = torque_out / a**2 * a_error
-    return np.diag(own_error**2) + np.outer(pull, pull)
+    pull = (torque_out / a**2 * a_error)[:, None]
+    return SharedErrors(own_error, pull if common is None else np.hstack([pull, common / a]))
 
 
-def drag_curve(speed: np.ndarray, drag: np.ndarray, covariance: np.ndarray) -> Curve | None:
+def drag_curve(speed: np.ndarray, drag: np.ndarray, errors: SharedErrors) -> Curve | None:
     """Fit T_0 over speed: Stribeck from five speeds on, a straight line with three or four, else nothing.
 
     Parameters
     ----------
     speed, drag
         rad/s and N m, shape (n,), one entry a run.
-    covariance
-        Of `drag`, shape (n, n).
+    errors
+        Of `drag`.
 
     Returns
     -------
@@ -107,10 +147,10 @@ def drag_curve(speed: np.ndarray, drag: np.ndarray, covariance: np.ndarray) -> C
     count = distinct(speed)
     if count < 3:
         return None
-    whiten = _whitening(covariance)
+    whiten = errors.whitening()
     if count < LEAST_SPEEDS:
         straight = linear_fit(np.column_stack([np.ones_like(speed), speed]), drag, whiten=whiten)
-        return _curve("line", ("c0", "b0"), straight.c, straight.covariance, straight.chi2, speed.size, 2)
+        return _curve("line", ("c0", "b0"), straight.c, straight.covariance, straight.chi2, speed, drag)
 
     def columns(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ratio = speed / q[0]
@@ -136,29 +176,24 @@ def drag_curve(speed: np.ndarray, drag: np.ndarray, covariance: np.ndarray) -> C
     values = np.array([*best.c[:2], best.q[0], best.c[2]])
     matrix = best.covariance[np.ix_(order, order)]
     held = ("w_s",) if bool(best.at_bound[0]) else ()
-    return _curve("stribeck", ("c0", "c_s", "w_s", "b0"), values, matrix, best.chi2, speed.size, 4, held)
+    return _curve("stribeck", ("c0", "c_s", "w_s", "b0"), values, matrix, best.chi2, speed, drag, held)
 
 
-def slip_line(slip: np.ndarray, torque: np.ndarray, covariance: np.ndarray) -> Curve | None:
+def slip_line(slip: np.ndarray, torque: np.ndarray, errors: SharedErrors) -> Curve | None:
     """Fit M_slip = M_c + M_v s over the slip speed; None below two different slips.
 
     Parameters
     ----------
     slip, torque
         rad/s and N m, shape (n,).
-    covariance
-        Of `torque`, shape (n, n).
+    errors
+        Of `torque`.
     """
     if distinct(slip) < 2:
         return None
-    fit = linear_fit(np.column_stack([np.ones_like(slip), slip]), torque, whiten=_whitening(covariance))
+    fit = linear_fit(np.column_stack([np.ones_like(slip), slip]), torque, whiten=errors.whitening())
     names = ("slip_torque_intercept", "slip_torque_slope")
-    return _curve("slip", names, fit.c, fit.covariance, fit.chi2, slip.size, 2)
-
-
-def _whitening(covariance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    factor = np.linalg.cholesky(covariance)
-    return lambda rows: np.asarray(np.linalg.solve(factor, rows))
+    return _curve("slip", names, fit.c, fit.covariance, fit.chi2, slip, torque)
 
 
 def _curve(
@@ -167,15 +202,60 @@ def _curve(
     values: np.ndarray,
     matrix: np.ndarray,
     chi2: float,
-    n: int,
-    parameters: int,
+    speed: np.ndarray,
+    torque: np.ndarray,
     at_bound: tuple[str, ...] = (),
 ) -> Curve:
-    """Return the curve; runs that differ by more than their errors allow widen it."""
-    dof = n - parameters
-    factor = chi2 / dof if dof > 0 else 1.0
-    covariance = Covariance(matrix * max(factor, 1.0), dof if factor > 1 else math.inf, "generalised least squares")
-    return Curve(law, names, np.asarray(values), covariance, chi2, n, at_bound)
+    """Return the curve; runs that differ by more than their errors allow widen it, and so do neighbours that are alike."""
+    n, values = speed.size, np.asarray(values)
+    dof = n - len(names)
+    factor = max(chi2 / dof, 1.0) if dof > 0 else 1.0
+    alike = n / independent(torque - _law(law, values, speed)[0])
+    wide = factor * alike > 1.0
+    covariance = Covariance(
+        matrix * factor * alike, max(dof / alike, 1.0) if wide else math.inf, "generalised least squares"
+    )
+    return Curve(law, names, values, covariance, chi2, n, at_bound)
+
+
+def independent(values: np.ndarray) -> float:
+    """Return how many runs count, where they are many and neighbours are alike: warm days, not a drift over all of them.
+
+    Parameters
+    ----------
+    values
+        In the order of the runs, shape (n,), their speed's part taken off.
+    """
+    if values.size <= MANY:
+        return float(values.size)
+    x = np.linspace(-1.0, 1.0, values.size)
+    return max(effective_size(values - np.polyval(np.polyfit(x, values, 1), x), 2), 2.0)
+
+
+def mean_of_runs(
+    values: np.ndarray, errors: np.ndarray, dofs: np.ndarray, common: np.ndarray
+) -> tuple[float, float, float]:
+    """Return the mean of a quantity over runs of one speed, its own standard error and that one's degrees of freedom.
+
+    Own errors average out, and are wider where the runs scatter by more; what all share (`common`) does not, and is
+    the mean's own matter.
+
+    Parameters
+    ----------
+    values, errors, dofs
+        Of each run alone, in the order of the runs, shape (n,).
+    common
+        Standard error that all runs share, by run, shape (n,).
+    """
+    n = values.size
+    own = errors**2 - common**2
+    noise = float(np.maximum(own, 0.0).sum()) / n**2
+    count = independent(values)
+    scatter = float(values.var(ddof=1)) / count if n > 1 else 0.0
+    birge = max(scatter / noise, 1.0) if noise > 0 else 1.0
+    shares = np.maximum(own, 0.0) / n**2 / noise if noise > 0 else np.full(n, 1.0 / n)
+    spread = float(np.sum(shares**2 / dofs)) + (birge - 1.0) ** 2 / max(count - 1.0, 1.0)
+    return float(values.mean()), math.sqrt(max(noise, scatter)), birge**2 / spread if spread > 0 else math.inf
 
 
 def _law(law: str, values: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

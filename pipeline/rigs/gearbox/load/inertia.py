@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.estimation.uncertainty import Covariance
 from pipeline.rigs.gearbox.load.load_windows import HOP, MEAN, WINDOW, Noise, Windows
+from pipeline.rigs.gearbox.many import blocks
 
 NAMES = ("inertia_load", "drag_coulomb", "drag_viscous")
 # What a bench can have (section 5.6): kg m^2, N m, N m s/rad.
@@ -53,9 +54,10 @@ class LoadFit:
     undetermined: dict[str, str]
 
     def steady_torque(self, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return d0 + d1 w at steady `speed` (rad/s, shape (n,)) and its covariance, shape (n, n)."""
+        """Return d0 + d1 w at steady `speed` (rad/s, shape (n,)), and by how much its common errors move it, shape (n, 2)."""
         slopes = np.column_stack([np.ones_like(speed), speed])
-        return slopes @ self.values[1:], slopes @ self.covariance.matrix[1:, 1:] @ slopes.T
+        sizes, directions = np.linalg.eigh(self.covariance.matrix[1:, 1:])
+        return slopes @ self.values[1:], slopes @ (directions * np.sqrt(np.maximum(sizes, 0.0)))
 
 
 def load_parameters(windows: Sequence[Windows]) -> LoadFit | None:
@@ -99,7 +101,13 @@ def load_parameters(windows: Sequence[Windows]) -> LoadFit | None:
     dof = 1 / float(np.sum(own**2 / np.array([noise.dof for noise in noises])))
     residuals = {w.run: (w.time, rest / (MEAN * WINDOW)) for w, rest in zip(windows, left, strict=True)}
     by_run = {w.run: noise for w, noise in zip(windows, noises, strict=True)}
-    covariance, scatter = _with_scatter(noise_only, dof, shares, sums)
+    together = blocks(len(windows))
+    covariance, scatter = _with_scatter(
+        noise_only,
+        dof,
+        [np.sum([shares[k] for k in block], axis=0) for block in together],
+        [np.sum([sums[k] for k in block], axis=0) for block in together],
+    )
     return LoadFit(values, covariance, residuals, scatter, by_run, _undetermined(values, covariance))
 
 
@@ -115,9 +123,9 @@ def _free(windows: Windows) -> tuple[np.ndarray, np.ndarray]:
 def _with_scatter(
     noise: np.ndarray, dof: float, shares: Sequence[np.ndarray], sums: Sequence[np.ndarray]
 ) -> tuple[Covariance, float]:
-    """Widen the covariance that noise gives where the runs differ by more, told by leaving out one run at a time.
+    """Widen the covariance that noise gives where the runs differ by more, told by leaving out one block of runs at a time.
 
-    The excess over the noise is as uncertain as a variance of so many runs, less one for each drag they share.
+    The excess over the noise is as uncertain as a variance of so many blocks, less one for each drag they share.
     """
     runs = len(shares)
     method = "noise of steady stretches"

@@ -8,92 +8,109 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.rigs.gearbox.aligned_run import within
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
+from pipeline.rigs.gearbox.many.stand_for_all import odd_of, typical_of
 from pipeline.rigs.gearbox.model.kinematics import member_speeds, mesh_orders
+from pipeline.rigs.gearbox.one_run import Told
 from pipeline.rigs.gearbox.outcome.paper import BRAKE, FOS, SOS, STARTUP
+from pipeline.rigs.gearbox.outcome.sampled import DRAWN
 from pipeline.rigs.gearbox.record import TORQUES
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.torques.nominal import type_b
 from pipeline.rigs.gearbox.vibration.sos_speed import teeth_in
-from pipeline.rigs.gearbox.vibration.spectral_peaks import spectral_peaks
 from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers
+from pipeline.rigs.over_runs import OverRuns
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Rows = list[dict[str, Any]]
-# What is drawn over time is averaged to about that, Hz.
-_DRAWN = 25.0
 _STATES = (
     (STARTUP, "startup", "peak"), (FOS, "fos", "nominal"), (BRAKE, "brake", "peak"), (SOS, "sos", "nominal"),
 )  # fmt: skip
-_LOCKED = ("startup", "fos", "fos_after", "rundown")
 _LAWS = {"stribeck": "c0 + c_S exp(-(ω/ω_S)²) + b0 ω", "line": "c0 + b0 ω", "slip": "M_c + M_v s"}
 
 
 def arrays_of(
-    campaign: CampaignNumbers, vibration: Mapping[str, VibrationNumbers], settings: LoadExchangeSettings
+    campaign: CampaignNumbers, told: Mapping[str, Told], settings: LoadExchangeSettings
 ) -> dict[str, pd.DataFrame]:
-    """Return all tables by name; one without rows keeps its columns."""
+    """Return all tables by name; one without rows keeps its columns.
+
+    Parameters
+    ----------
+    told
+        Of each run of the campaign; what is drawn stands in those that are (`Told.drawn`).
+    """
     import pandas as pd
 
     runs = campaign.runs
-    by_run: dict[str, tuple[tuple[str, ...], Callable[[RunNumbers], Rows]]] = {
-        "overview": (("run", "time", "torque_in", "torque_out", "speed", "vibration", "channel"),
-                     lambda run: _overview(run, vibration[run.name])),
-        "stages": (("run", "stage", "start", "end"), _stages),
-        "events": (("run", "event", "time", "sd", "disturbance"), lambda run: _events(run, vibration[run.name])),
-        "levels": (("run", "quantity", "stage", "value", "sd", "low", "high", "start", "end", "type_b", "turns",
-                    "correlation_time"), lambda run: _levels(run, settings)),
-        "peaks": (("run", "quantity", "stage", "value", "sd", "low", "high", "raw", "bias", "time", "saturated", "type_b"),
-                  lambda run: _peaks(run, settings)),
-        "map": (("run", "state", "torque_in", "torque_out", "in_sd", "out_sd"), _map),
-        "transfers": (("run", "phase", "slope", "slope_sd", "intercept", "intercept_sd"), _transfers),
-        "energy": (("run", "stage", "duration", "work_in", "work_out", "kinetic"), lambda run: _energy(run, campaign)),
-        "load": (("run", "time", "measured", "predicted", "residual"), lambda run: _load(run, campaign)),
-        "members": (("run", "member", "fos", "sos", "source"), _members),
-        "clocks": (("run", "board", "shift", "shift_sd", "drift", "drift_sd", "applied"), _clocks),
-        "orders": (("run", "stage", "order", "amplitude", "floor", "order_1", "order_2"),
-                   lambda run: _orders(run, vibration[run.name])),
-        "ridge": (("run", "time", "slip", "order_1", "order_2"), lambda run: _ridge(run, vibration[run.name])),
-        "spectral_peaks": (("run", "time", "frequency", "contrast"), lambda run: _spectral_peaks(run)),
-        "vibration": (("run", "stage", "channel", "rms", "sd", "crest", "kurtosis"),
-                      lambda run: _vibration(vibration[run.name])),
+    shown = [run for run in runs if told[run.name].drawn]
+    by_run: dict[str, tuple[Sequence[RunNumbers], tuple[str, ...], Callable[[RunNumbers], Rows]]] = {
+        "stages": (runs, ("run", "stage", "start", "end"), _stages),
+        "events": (runs, ("run", "event", "time", "sd", "disturbance"),
+                   lambda run: _events(run, told[run.name].vibration)),
+        "levels": (runs, ("run", "quantity", "stage", "value", "sd", "low", "high", "start", "end", "type_b", "turns",
+                          "correlation_time"), lambda run: _levels(run, settings)),
+        "peaks": (runs, ("run", "quantity", "stage", "value", "sd", "low", "high", "raw", "bias", "time", "saturated",
+                         "type_b"), lambda run: _peaks(run, settings)),
+        "map": (runs, ("run", "state", "torque_in", "torque_out", "in_sd", "out_sd"), _map),
+        "transfers": (runs, ("run", "phase", "slope", "slope_sd", "intercept", "intercept_sd"), _transfers),
+        "energy": (runs, ("run", "stage", "duration", "work_in", "work_out", "kinetic"),
+                   lambda run: _energy(told[run.name], campaign)),
+        "load": (shown, ("run", "time", "measured", "predicted", "residual"), lambda run: _load(run, campaign)),
+        "members": (runs, ("run", "member", "fos", "sos", "source"), _members),
+        "clocks": (runs, ("run", "board", "shift", "shift_sd", "drift", "drift_sd", "applied"), _clocks),
+        "vibration": (runs, ("run", "stage", "channel", "rms", "sd", "crest", "kurtosis"),
+                      lambda run: _vibration(told[run.name].vibration)),
     }  # fmt: skip
     found = {
-        name: pd.DataFrame([row for run in runs for row in rows(run)], columns=list(columns))
-        for name, (columns, rows) in by_run.items()
+        name: pd.DataFrame([row for run in those for row in rows(run)], columns=list(columns))
+        for name, (those, columns, rows) in by_run.items()
     }
-    found["runs"] = pd.DataFrame(
-        [{"run": run.name, "speed": run.speed, "complete": run.segmentation.complete} for run in runs]
+    for name, columns in DRAWN.items():
+        parts = [told[run.name].drawn[name] for run in shown if name in told[run.name].drawn]
+        found[name] = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame([], columns=list(columns))
+    found["runs"] = pd.DataFrame(_runs(campaign))
+    group = {name: speed for speed, names in campaign.speeds.items() for name in names}
+    found["watched"] = pd.DataFrame(
+        [row for number in campaign.watched for row in _watched(number, group)],
+        columns=["number", "unit", "run", "group", "begins", "value", "error"],
     )
     found["friction"] = pd.DataFrame(_friction(campaign), columns=["kind", "run", "x", "value", "sd"])
     found["curves"] = pd.DataFrame(_curves(campaign), columns=["kind", "law", "x", "y", "low", "high"])
     return found
 
 
+def _runs(campaign: CampaignNumbers) -> Rows:
+    """Return a row a run: its speed and group of equal speeds, what it stands for, in what it is unlike the others."""
+    group = {name: speed for speed, names in campaign.speeds.items() for name in names}
+    typical, odd = (typical_of(campaign), odd_of(campaign)) if campaign.watched else ([], [])
+    return [
+        {
+            "run": run.name, "speed": run.speed, "complete": run.segmentation.complete, "group": group.get(run.name, math.nan),
+            "drawn": "typical" if run.name in typical else "odd" if run.name in odd else "",
+            "unlike": campaign.exceptions.get(run.name, ""),
+        }
+        for run in campaign.runs
+    ]  # fmt: skip
+
+
+def _watched(number: OverRuns, group: Mapping[str, float]) -> Rows:
+    return [
+        {
+            "number": number.what, "unit": number.unit, "run": run, "group": group.get(run, math.nan),
+            "begins": number.begins[k] if number.begins is not None else math.nan,
+            "value": float(number.values[k]), "error": float(number.std_errors[k]),
+        }
+        for k, run in enumerate(number.runs)
+    ]  # fmt: skip
+
+
 def _table(columns: Mapping[str, Any]) -> Rows:
     """Return rows from columns of one length and single values."""
     n = max(len(value) for value in columns.values() if isinstance(value, np.ndarray))
     return [{k: v[i] if isinstance(v, np.ndarray) else v for k, v in columns.items()} for i in range(n)]
-
-
-def _overview(run: RunNumbers, vibration: VibrationNumbers) -> Rows:
-    time, t_in, t_out = run.run.means(_DRAWN)
-    speed = np.interp(time, run.counts.time, run.counts.speed(), left=np.nan, right=np.nan)
-    log, felt = run.record.vibration, np.full(time.size, np.nan)
-    if log is not None and vibration.channel:
-        half, square = 0.5 / _DRAWN, (log[vibration.channel] - log[vibration.channel].mean()) ** 2
-        total = np.concatenate([[0.0], np.cumsum(square)])
-        first, last = np.searchsorted(log.time, time - half), np.searchsorted(log.time, time + half)
-        several = last - first
-        felt = np.where(several > 0, np.sqrt((total[last] - total[first]) / np.maximum(several, 1)), np.nan)
-    return _table(
-        {"run": run.name, "time": time, "torque_in": t_in, "torque_out": t_out, "speed": speed, "vibration": felt,
-         "channel": vibration.channel}
-    )  # fmt: skip
 
 
 def _stages(run: RunNumbers) -> Rows:
@@ -164,30 +181,12 @@ def _transfers(run: RunNumbers) -> Rows:
     ]  # fmt: skip
 
 
-def _energy(run: RunNumbers, campaign: CampaignNumbers) -> Rows:
-    if any(math.isnan(run.zero(name)) for name in TORQUES):
-        return []
+def _energy(told: Told, campaign: CampaignNumbers) -> Rows:
     inertia = float(campaign.load.values[0]) if campaign.load else math.nan
-    time, t_in, t_out = run.run.slow
-    speed = np.interp(time, run.counts.time, run.counts.speed())
     rows = []
-    for stage, span in run.run.stages.items():
-        part = within(time, span)
-        t = time[part]
-        if t.size < 10:
-            continue
-        w_out = speed[part]
-        if stage == "sos" and run.speed_in is not None:
-            w_in, w_out = np.full(t.size, run.speed_in.value), np.zeros(t.size)
-        elif stage in _LOCKED:
-            w_in = w_out
-        else:
-            continue
-        rows.append(
-            {"run": run.name, "stage": stage, "duration": float(t[-1] - t[0]),
-             "work_in": float(np.trapezoid(t_in[part] * w_in, t)), "work_out": float(np.trapezoid(t_out[part] * w_out, t)),
-             "kinetic": 0.5 * inertia * float(w_out[-1] ** 2 - w_out[0] ** 2)}
-        )  # fmt: skip
+    for row in told.work:
+        kept = {name: value for name, value in row.items() if name != "swing"}
+        rows.append({**kept, "kinetic": 0.5 * inertia * row["swing"]})
     return rows
 
 
@@ -226,34 +225,6 @@ def _clocks(run: RunNumbers) -> Rows:
         for board, fit in boards
         if fit is not None
     ]  # fmt: skip
-
-
-def _lines(run: RunNumbers) -> dict[str, float]:
-    first, second = (float(order) for order in mesh_orders(teeth_in(run.record)))
-    return {"order_1": first, "order_2": second}
-
-
-def _orders(run: RunNumbers, vibration: VibrationNumbers) -> Rows:
-    rows: Rows = []
-    for stage, spectrum in vibration.spectra.items():
-        rows += _table({"run": run.name, "stage": stage, "order": spectrum.order, "amplitude": spectrum.amplitude,
-                        "floor": spectrum.floor, **_lines(run)})  # fmt: skip
-    return rows
-
-
-def _ridge(run: RunNumbers, vibration: VibrationNumbers) -> Rows:
-    ridge = vibration.ridge
-    if ridge is None or not ridge.time.size:
-        return []
-    return _table({"run": run.name, "time": ridge.time, "slip": ridge.slip, **_lines(run)})
-
-
-def _spectral_peaks(run: RunNumbers) -> Rows:
-    log = run.record.vibration
-    if log is None:
-        return []
-    time, frequency, contrast = spectral_peaks(log.time, next(iter(log.values.values())))
-    return _table({"run": run.name, "time": time, "frequency": frequency, "contrast": contrast}) if time.size else []
 
 
 def _vibration(vibration: VibrationNumbers) -> Rows:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 
 from pipeline.errors import counted, listing
 from pipeline.findings import Parameter
@@ -23,6 +24,9 @@ OF_RUN = (
     ("slip_torque", None),
     ("inertia_load", None),
 )
+_Without = tuple[list[str], list[str]]
+# Reasons told one by one.
+_FEW = 8
 OF_CAMPAIGN = ("inertia_load", "drag_coulomb", "torque_transfer_slope")
 
 
@@ -58,8 +62,33 @@ def missing(parameters: Sequence[Parameter]) -> list[str]:
             runs.append(str(run))
     return [
         f"Missing {'in ' + _some(runs) if runs else 'in the campaign'}: {listing(names, 16)} ({reason})."
-        for reason, (names, runs) in without.items()
+        for reason, (names, runs) in _alike(without).items()
     ]
+
+
+def _alike(without: Mapping[str, _Without]) -> Mapping[str, _Without]:
+    """Put reasons together that differ in their numbers only, where there are many; the first one's words stand for all."""
+    if len(without) <= _FEW:
+        return without
+    first: dict[str, str] = {}
+    found: dict[str, _Without] = {}
+    for reason, (names, runs) in without.items():
+        told = first.setdefault(kind_of(reason), reason)
+        all_names, all_runs = found.setdefault(told, ([], []))
+        all_names += [name for name in names if name not in all_names]
+        all_runs += [run for run in runs if run not in all_runs]
+    return found
+
+
+def kind_of(sentence: str) -> str:
+    """Return a sentence without its numbers: those that say the same of several runs are one kind.
+
+    Examples
+    --------
+    >>> kind_of("stage 'fos' lasts 0.53 s: too short")
+    "stage 'fos' lasts # s: too short"
+    """
+    return re.sub(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", "#", sentence)
 
 
 def _why(one: Parameter) -> str:

@@ -121,10 +121,8 @@ def _of_transfer(
 def _friction(campaign: CampaignNumbers, settings: LoadExchangeSettings) -> list[Parameter]:
     found = []
     for speed, names in campaign.speeds.items():
-        known = [one for name in names if (one := campaign.drag[name]).value is not None]
-        reason = next((campaign.drag[name].reason for name in names), "")
-        one = _mean("drag_locked", known) if known else undetermined("drag_locked", reason)
-        told = f"mean of {len(known)} runs" if len(known) > 1 else ""
+        one, runs = campaign.mean_drag(names)
+        told = f"mean of {runs} runs" if runs > 1 else ""
         found.append(parameter(one, {"speed": speed}, told))
     speeds = len(campaign.speeds)
     least = settings.least_speeds
@@ -156,13 +154,6 @@ def _of_curve(curve: Curve | None, names: Sequence[str], few: str) -> list[Param
             parameter(estimate(name, curve.values[place], error, dof=curve.covariance.dof), {}, told, "weighted fit")
         )
     return found
-
-
-def _mean(name: str, known: Sequence[Estimate]) -> Estimate:
-    """Return the mean of the same quantity in several runs; the error is that of one, as what they share dominates."""
-    value = sum(one.value or 0.0 for one in known) / len(known)
-    error = max(one.std_error or 0.0 for one in known)
-    return estimate(name, value, error, dof=min(one.dof for one in known))
 
 
 def _torques(run: RunNumbers, settings: LoadExchangeSettings) -> list[Parameter]:

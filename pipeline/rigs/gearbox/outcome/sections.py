@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Section
+from pipeline.rigs.gearbox.outcome.sections_many import is_many, of_campaign
 from pipeline.rigs.gearbox.outcome.sections_runs import of_stages, of_values
 from pipeline.rigs.gearbox.outcome.sections_torque import of_friction, of_inertia, of_map, of_power
 from pipeline.rigs.gearbox.outcome.sections_vibration import of_speeds, of_vibration
@@ -15,7 +16,9 @@ def sections(findings: Findings) -> Sequence[Section]:
     """Return the chapters that the findings have something for."""
     if "runs" not in findings.arrays:
         return []
+    over = [Section("campaign", "Over the campaign", of_campaign(findings))] if is_many(findings) else []
     chapters = [
+        *over,
         Section("stages", "Stages and events", of_stages(findings)),
         Section("torques", "Nominal and peak torques", of_values(findings)),
         Section("map", "Torque map", of_map(findings)),

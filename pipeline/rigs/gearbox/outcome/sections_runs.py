@@ -20,9 +20,12 @@ from pipeline.findings.figures import (
     Rule,
     Status,
     Table,
+    Text,
     Value,
 )
+from pipeline.rigs.gearbox.outcome import sections_many as many
 from pipeline.rigs.gearbox.outcome.paper import BRAKE, FOS, RPM, SOS, SPEEDS, STARTUP, TORQUES
+from pipeline.rigs.gearbox.outcome.sections_many import NEAR, is_many, told_shown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,8 +46,6 @@ _STATES = {
     ("startup", "peak"): STARTUP, ("fos", "nominal"): FOS, ("brake", "peak"): BRAKE, ("sos", "nominal"): SOS,
     ("fos_after", "nominal"): "FOS after",
 }  # fmt: skip
-# A run is held against the paper where its speed is that close to one of the paper's.
-NEAR = 0.03
 _SHOWN = 2
 _TOLD_DRIFT = 1e-3
 
@@ -60,8 +61,10 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def shown_runs(findings: Findings) -> list[str]:
-    """Return the runs that stand for all: those nearest to the paper's speeds, else the first and the last."""
+    """Return the runs that stand for all: of many those chosen, else those nearest to the paper's speeds, or first and last."""
     runs = findings.arrays["runs"]
+    if is_many(findings):
+        return [str(run) for run in runs[runs["drawn"] == "typical"]["run"]]
     names = [str(run) for run in runs["run"]]
     if len(names) <= _SHOWN:
         return names
@@ -74,13 +77,23 @@ def shown_runs(findings: Findings) -> list[str]:
     return chosen or [names[0], names[-1]]
 
 
-def of_stages(findings: Findings) -> list[Figure | Table]:
+def of_stages(findings: Findings) -> list[Figure | Table | Text]:
     """Return the chapter on the sequence of stages."""
     shown = shown_runs(findings)
-    figures: list[Figure | Table] = [_time_plot(findings, run) for run in shown]
-    others = [str(run) for run in findings.arrays["runs"]["run"] if str(run) not in shown]
+    figures: list[Figure | Table | Text] = [_time_plot(findings, run) for run in shown]
+    runs = findings.arrays["runs"]
+    if is_many(findings):
+        odd = [str(run) for run in runs[runs["drawn"] == "odd"]["run"]]
+        about = "How do the runs look whose numbers are farthest off the others? Torques and stages as above."
+        oddest = [_panels(findings, "time_odd", "The oddest runs", about, odd)] if odd else []
+        return [
+            Text([told_shown(findings)]), *figures, *oddest, many.of_events(findings, EVENTS), *many.of_exchange(findings),
+            *many.of_clocks(findings),
+        ]  # fmt: skip
+    others = [str(run) for run in runs["run"] if str(run) not in shown]
     if others:
-        figures.append(_others(findings, others))
+        about = "Do all runs go through the same stages? Torques and stages as above."
+        figures.append(_panels(findings, "time_others", "The other runs", about, others))
     return [*figures, _events(findings), *_exchange(findings), *_clocks(findings)]
 
 
@@ -142,7 +155,7 @@ def _event_rules(findings: Findings, run: str) -> list[Mark]:
     ]
 
 
-def _others(findings: Findings, runs: Sequence[str]) -> Figure:
+def _panels(findings: Findings, name: str, title: str, caption: str, runs: Sequence[str]) -> Figure:
     panels = []
     for run in runs:
         signals = of_run(findings.arrays["overview"], run)
@@ -155,13 +168,14 @@ def _others(findings: Findings, runs: Sequence[str]) -> Figure:
         ]
         panels.append(Panel(marks, TIME, TORQUE, f"run {run}"))
     return Figure(
-        "time_others", "The other runs", "Do all runs go through the same stages? Torques and stages as above.",
-        "torques over time of the other runs, one panel each", panels, columns=2,
+        name, title, caption, f"torques over time of {title[:1].lower()}{title[1:]}, one panel each", panels, columns=2
     )  # fmt: skip
 
 
 def of_values(findings: Findings) -> list[Figure | Table]:
     """Return the table of nominal and peak torques beside the paper's."""
+    if is_many(findings):
+        return many.of_values(findings, _QUANTITIES, _STATES)
     blocks: list[Figure | Table] = []
     runs = findings.arrays["runs"]
     for quantity, words in _QUANTITIES.items():

@@ -19,7 +19,9 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.gearbox.outcome import sections_many as many
 from pipeline.rigs.gearbox.outcome.paper import TORQUES
+from pipeline.rigs.gearbox.outcome.sections_many import is_many
 from pipeline.rigs.gearbox.outcome.sections_runs import STAGES, of_run, records, shown_runs
 
 _IN, _OUT = Axis("input torque", "N*m"), Axis("output torque", "N*m")
@@ -31,8 +33,8 @@ def of_map(findings: Findings) -> list[Figure | Table | Text]:
     table = findings.arrays["map"]
     if table.empty:
         return []
-    marks: list[Mark] = []
-    for k, state in enumerate(_STATES):
+    marks: list[Mark] = many.map_points(table, findings, _STATES) if is_many(findings) else []
+    for k, state in enumerate(_STATES if not marks else ()):
         rows = table[table["state"] == state]
         if rows.empty:
             continue
@@ -70,6 +72,9 @@ def _slopes(findings: Findings) -> list[Table]:
     transfers = findings.arrays["transfers"]
     if transfers.empty:
         return []
+    words = {"startup": "start-up", "brake": "brake rise", "steady": "FOS to SOS", "loaded": "FOS under load"}
+    if is_many(findings):
+        return many.of_slopes(findings, words)
     phases = list(dict.fromkeys(transfers["phase"]))
     rows = []
     for run in dict.fromkeys(transfers["run"]):
@@ -77,7 +82,6 @@ def _slopes(findings: Findings) -> list[Table]:
         cells = [Value(own[p]["slope"], own[p]["slope_sd"]) if p in own else None for p in phases]
         brake = own.get("brake")
         rows.append([str(run), *cells, Value(brake["intercept"], brake["intercept_sd"]) if brake else None])
-    words = {"startup": "start-up", "brake": "brake rise", "steady": "FOS to SOS", "loaded": "FOS under load"}
     heads = [Column(f"slope a, {words.get(phase, phase)}") for phase in phases]
     return [
         Table(
@@ -90,27 +94,29 @@ def _slopes(findings: Findings) -> list[Table]:
 
 def of_power(findings: Findings) -> list[Figure | Table | Text]:
     """Return the chapter on efficiency in FOS and on what becomes heat in SOS."""
+    caption = (
+        "While locked, input and output turn at one speed: T_out/T_in is a power efficiency. In SOS the output stands and no power "
+        "comes out: T_out/T_in is a reaction torque ratio, not an efficiency, and all of T_in times the input speed becomes heat."
+    )
+    if is_many(findings):
+        return [many.of_efficiency(findings, caption, _POWER), *_energy(findings)]
     rows = []
     for run in findings.arrays["runs"]["run"]:
-        found = {name: findings.find(name, run=str(run)) for name in _POWER}
-        rows.append([str(run), *(Value(p[0].value, p[0].std_error, p[0].ci95) if p else None for p in found.values())])
+        found = [findings.find(name, run=str(run)) for name, _ in _POWER.values()]
+        rows.append([str(run), *(Value(p[0].value, p[0].std_error, p[0].ci95) if p else None for p in found)])
+    heads = [Column(heading, unit if unit != "1" else "") for heading, (_, unit) in _POWER.items()]
     table = Table(
-        "efficiency",
-        "Efficiency in FOS, torque ratio and heat in SOS",
-        "While locked, input and output turn at one speed: T_out/T_in is a power efficiency. In SOS the output stands and no power "
-        "comes out: T_out/T_in is a reaction torque ratio, not an efficiency, and all of T_in times the input speed becomes heat.",
-        [
-            Column("run"),
-            Column("efficiency (FOS)", "%"),
-            Column("torque ratio (SOS)"),
-            Column("power to heat (SOS)", "W"),
-        ],
-        rows,
+        "efficiency", "Efficiency in FOS, torque ratio and heat in SOS", caption, [Column("run"), *heads], rows
     )
     return [table, *_energy(findings)]
 
 
-_POWER = ("efficiency_fos", "torque_ratio_sos", "power_dissipated_sos")
+# Heading -> parameter and unit.
+_POWER = {
+    "efficiency (FOS)": ("efficiency_fos", "%"),
+    "torque ratio (SOS)": ("torque_ratio_sos", "1"),
+    "power to heat (SOS)": ("power_dissipated_sos", "W"),
+}
 
 
 def _energy(findings: Findings) -> list[Table]:
@@ -179,7 +185,7 @@ def _broken(time: np.ndarray) -> np.ndarray:
 
 def _trend(findings: Findings) -> list[Figure]:
     names = [str(run) for run in findings.arrays["runs"]["run"]]
-    if len(names) < 2:
+    if len(names) < 2 or is_many(findings):
         return []
     panels = []
     for name, label, unit in (
@@ -222,6 +228,10 @@ def of_friction(findings: Findings) -> list[Figure | Table | Text]:
         ("load", "drag of the load", Axis("output speed", "rad/s")),
     ):
         own, curve = points[points["kind"] == kind], curves[curves["kind"] == kind]
+        if is_many(findings):
+            panel = many.friction_panel(own, curve, findings, axis, title)
+            panels += [panel] if panel else []
+            continue
         marks: list[Mark] = []
         if not curve.empty:
             x = curve["x"].to_numpy()

@@ -18,6 +18,7 @@ from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
 from pipeline.rigs.gearbox.load.inertia import unit_mistake
 from pipeline.rigs.gearbox.outcome.core_numbers import missing
+from pipeline.rigs.gearbox.outcome.verdict_many import by_kind, ended, over_campaign
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers
 from pipeline.rigs.judgement import Judgement
@@ -50,13 +51,17 @@ def judge(
     _inertia(said, campaign)
     for sentence in missing(parameters):
         said.warn(sentence)
+    grave = [q for q in quality if q.level != "note" and q.run not in left_out]
+    if campaign.watched:
+        over_campaign(said, campaign)
+        by_kind(said, left_out, grave)
+        return said
     for run, reason in list(left_out.items())[:_TOLD]:
-        said.warn(f"Run {run} is left out: {_ended(reason)}")
+        said.warn(f"Run {run} is left out: {ended(reason)}")
     if len(left_out) > _TOLD:
         said.warn(f"{counted(len(left_out) - _TOLD, 'more run')} are left out, see the quality findings.")
-    grave = [q for q in quality if q.level != "note" and q.run not in left_out]
     for finding in grave[:_TOLD]:
-        said.warn(_ended(_placed(finding)))
+        said.warn(ended(_placed(finding)))
     if len(grave) > _TOLD:
         said.warn(f"{counted(len(grave) - _TOLD, 'more warning')} stand among the quality findings.")
     return said
@@ -186,7 +191,7 @@ def _inertia(said: Judgement, campaign: CampaignNumbers) -> None:
             else load.undetermined["inertia_load"]
         )
         tell = said.reject if load is not None and unit_mistake(load.values) else said.warn
-        tell(f"The load's inertia cannot be told: {_ended(why)}")
+        tell(f"The load's inertia cannot be told: {ended(why)}")
         return
     value, error = float(load.values[0]), float(load.covariance.std_error[0])
     known = [
@@ -217,8 +222,3 @@ def _inertia(said: Judgement, campaign: CampaignNumbers) -> None:
         said.warn(f"{words}: shaft and coupling add little, so the gain of torque_out or the stated inertia is wrong.")
     else:
         said.reasons.append(f"{words}.")
-
-
-def _ended(sentence: str) -> str:
-    sentence = sentence.rstrip()
-    return sentence if sentence.endswith((".", "?", "!")) else f"{sentence}."

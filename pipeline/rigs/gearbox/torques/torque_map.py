@@ -13,8 +13,10 @@ import numpy as np
 
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.rigs.gearbox.aligned_run import AlignedRun, Span, within
+from pipeline.rigs.gearbox.many import blocks
 from pipeline.rigs.gearbox.torques.nominal import Level
 from pipeline.rigs.gearbox.torques.ripple import learn
+from pipeline.rigs.over_runs import MANY
 from pipeline.signals.filtering import slope as time_slope
 
 # Before the brake comes on, so much of the locked, steady state counts with its rise, s.
@@ -201,16 +203,21 @@ def pooled(transfers: list[Transfer], phase: str = "brake") -> Transfer | None:
 
 
 def _weighted(values: list[float], errors: list[float], dofs: list[float]) -> tuple[float, float, float]:
-    """Return weighted mean, error (Birge ratio where above one) and degrees of freedom.
+    """Return weighted mean, error and degrees of freedom.
 
-    What the scatter adds to the errors is as uncertain as a variance of so many values.
+    Where the runs, or blocks of neighbouring runs, differ by more than their errors allow, it is wider (Birge ratio);
+    what that adds is as uncertain as a variance of so many values.
     """
     x, weight = np.array(values), 1 / np.square(errors)
-    mean = float(weight @ x / weight.sum())
-    birge = max(float(weight @ (x - mean) ** 2) / max(x.size - 1, 1), 1.0)
-    share = weight / weight.sum()
-    spread = float(np.sum(share**2 / np.array(dofs))) + (birge - 1.0) ** 2 / max(x.size - 1, 1)
-    return mean, math.sqrt(birge / weight.sum()), birge**2 / spread
+    total = weight.sum()
+    mean = float(weight @ x / total)
+    single = float(weight @ (x - mean) ** 2) / max(x.size - 1, 1)
+    sums = np.array([float(weight[block] @ (x[block] - mean)) for block in blocks(x.size)])
+    together = float(sums @ sums) / float(total) * sums.size / max(sums.size - 1, 1) if x.size > MANY else 0.0
+    birge, count = max((single, x.size), (together, sums.size), (1.0, x.size))
+    share = weight / total
+    spread = float(np.sum(share**2 / np.array(dofs))) + (birge - 1.0) ** 2 / max(count - 1, 1)
+    return mean, math.sqrt(birge / total), birge**2 / spread
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -83,6 +83,10 @@ class VibrationNumbers:
     aliased: tuple[tuple[float, float], ...] = ()
     disturbance: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[QualityFinding, ...] = ()
+
+    def emptied(self) -> VibrationNumbers:
+        """Return the same numbers without spectra and ridge, which only drawings need."""
+        return replace(self, spectra={}, ridge=None)
 
 
 def vibration_of(numbers: RunNumbers) -> VibrationNumbers:

@@ -1,0 +1,112 @@
+"""What a verdict says of many runs: what changes over the campaign, runs unlike the others, faults by kind and not run by run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from pipeline.errors import counted, listing
+from pipeline.estimation.course import Change
+from pipeline.recording import QualityFinding
+from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
+from pipeline.rigs.gearbox.outcome.core_numbers import kind_of
+from pipeline.rigs.judgement import Judgement
+from pipeline.rigs.over_runs import OverRuns
+
+# Kinds of faults, runs by name, and steps that are told.
+_KINDS, _NAMES, _STEPS = 5, 6, 4
+# Steps of several numbers within so many runs are one event.
+_ONE_EVENT = 3
+
+
+def over_campaign(said: Judgement, campaign: CampaignNumbers) -> None:
+    """Say what drifts and steps over the campaign, and which runs are unlike the others."""
+    drifts = [
+        number.change_text(change)
+        for number in campaign.watched
+        for change in number.course.changes
+        if change.kind == "drift"
+    ]
+    if drifts:
+        said.warn(
+            f"Over the campaign drift, from the first run to the last: {listing(drifts, 12)}. Wear, warming or a sensor's gain; means over the "
+            "runs are means over that."
+        )
+    _steps(said, campaign.watched)
+    if campaign.exceptions:
+        names = listing([f"{run} ({what})" for run, what in campaign.exceptions.items()], _NAMES)
+        verb = "is" if len(campaign.exceptions) == 1 else "are"
+        said.warn(
+            f"{counted(len(campaign.exceptions), 'run')} of {len(campaign.runs)} {verb} unlike the others, and what the runs share leaves them "
+            f"out: {names}."
+        )
+        return
+    odd = {number.runs[one.place] for number in campaign.watched for one in number.course.odd}
+    if odd:
+        said.warn(
+            f"{len(odd)} of {len(campaign.runs)} runs are unlike the others: too many to be exceptions, so what the runs share is a mean over "
+            "several kinds of runs. Look which, and identify them apart."
+        )
+
+
+def _steps(said: Judgement, watched: Sequence[OverRuns]) -> None:
+    """Say the steps, those of several numbers at one place together, in the order of the runs."""
+    found = sorted(
+        (
+            (change.first, number, change)
+            for number in watched
+            for change in number.course.changes
+            if change.kind == "step"
+        ),
+        key=lambda one: one[0],
+    )
+    events: list[list[tuple[int, OverRuns, Change]]] = []
+    for one in found:
+        if events and one[0] - events[-1][-1][0] <= _ONE_EVENT:
+            events[-1].append(one)
+        else:
+            events.append([one])
+    for event in sorted(events, key=lambda event: (-len(event), event[0][0]))[:_STEPS]:
+        told = listing([number.change_text(change) for _, number, change in event], 9)
+        said.warn(f"With run {event[0][1].runs[event[0][0]]} step: {told}. Look what was changed before it.")
+    if len(events) > _STEPS:
+        said.warn(f"{counted(len(events) - _STEPS, 'more step')} over the campaign stand among the quality findings.")
+
+
+def by_kind(said: Judgement, left_out: Mapping[str, str], grave: Sequence[QualityFinding]) -> None:
+    """Say why runs are left out, and what else was noticed: a sentence for each of the commonest kinds, with its first runs."""
+    kinds: dict[str, list[str]] = {}
+    for run, reason in left_out.items():
+        kinds.setdefault(kind_of(reason.removeprefix(f"run '{run}'")), []).append(run)
+    _tell(said, kinds, left_out, "left out")
+    kinds, words = {}, dict[str, str]()
+    for finding in grave:
+        if finding.run is not None:
+            channel = f"{finding.channel}: " if finding.channel and finding.channel not in finding.message else ""
+            runs = kinds.setdefault(f"{channel}{kind_of(finding.message)}", [])
+            if finding.run not in runs:
+                runs.append(finding.run)
+            words.setdefault(f"{channel}{kind_of(finding.message)} {finding.run}", f"{channel}{finding.message}")
+    _tell(said, kinds, words, "")
+
+
+def _tell(said: Judgement, kinds: Mapping[str, list[str]], words: Mapping[str, str], verb: str) -> None:
+    ordered = sorted(kinds.items(), key=lambda one: -len(one[1]))
+    for kind, runs in ordered[:_KINDS]:
+        first = words.get(f"{kind} {runs[0]}") or words[runs[0]]
+        is_ = f" {'is' if len(runs) == 1 else 'are'} {verb}" if verb else ""
+        which = f"Run {runs[0]}{is_}" if len(runs) == 1 else f"{len(runs)} runs{is_} ({listing(runs, _NAMES)})"
+        said.warn(
+            f"{which}: {ended(first)}{' So in the first; the numbers differ.' if len(runs) > 1 and '#' in kind else ''}"
+        )
+    if len(ordered) > _KINDS:
+        rest = {run for _, runs in ordered[_KINDS:] for run in runs}
+        said.warn(
+            f"{counted(len(ordered) - _KINDS, 'more kind')} of {'reasons to leave runs out' if verb else 'warnings'}, in "
+            f"{counted(len(rest), 'run')}, stand among the quality findings."
+        )
+
+
+def ended(sentence: str) -> str:
+    """Return a sentence with its full stop."""
+    sentence = sentence.rstrip()
+    return sentence if sentence.endswith((".", "?", "!")) else f"{sentence}."
