@@ -22,6 +22,8 @@ _RASTER_FROM = 3000
 _CAPS_UP_TO = 60
 _BIG_POINTS_UP_TO = 60
 _SHAPED_POINTS_UP_TO = 600
+_DOTS_UP_TO = 20000  # more are a picture
+_DOT = 2.6  # px
 _SHAPES_ON_A_LINE = 6
 _ROOM_FOR_A_HEAD = 9.0  # px between stems
 _UNDER_A_MODEL = {"linewidth": 2.8, "alpha": 0.6}  # a measured curve stays visible below a model that follows it
@@ -174,6 +176,9 @@ def _points(axes: Axes, mark: Points, x: Scale, y: Scale, z: float, below: bool)
         left, right = x.shown(mark.left), x.shown(mark.right)
         left = np.where(np.isnan(left) & np.isfinite(right), x.low, left)
         axes.hlines(ys, left, right, colors=look.light, linewidth=1.1, zorder=z - 0.05).set_rasterized(many)
+    if _SHAPED_POINTS_UP_TO < xs.size <= _DOTS_UP_TO and not below:
+        _dots(axes, xs, ys, look.light, z)
+        return
     shape = look.marker if xs.size <= _SHAPED_POINTS_UP_TO else "."
     size = 5.5 if xs.size <= _BIG_POINTS_UP_TO else 3.6 if xs.size <= _SHAPED_POINTS_UP_TO else 2.6
     (drawn,) = axes.plot(xs, ys, linestyle="None", marker=shape, color=look.light, markersize=size,
@@ -182,6 +187,21 @@ def _points(axes: Axes, mark: Points, x: Scale, y: Scale, z: float, below: bool)
     if below:
         drawn.set(alpha=min(max(64 / xs.size, 0.15), 0.7), **_MEASURED_UNDER_A_MODEL)
     drawn.set_rasterized(many)
+
+
+def _dots(axes: Axes, xs: np.ndarray, ys: np.ndarray, colour: str, z: float) -> None:
+    """Draw dots as one path of segments without length and with round ends: one element of the page, sharp at any size."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    known = np.isfinite(xs) & np.isfinite(ys)
+    corners = np.repeat(np.column_stack([xs[known], ys[known]]), 2, axis=0)
+    codes = np.tile([Path.MOVETO, Path.LINETO], int(known.sum()))
+    path = Path(corners, codes)
+    path.should_simplify = False
+    crowded = bool(known.sum() > _RASTER_FROM)
+    axes.add_patch(PathPatch(path, edgecolor=colour, facecolor="none", capstyle="round", zorder=z,
+                             linewidth=_DOT / 2 if crowded else _DOT, alpha=0.5 if crowded else None))  # fmt: skip
 
 
 def _band(axes: Axes, mark: Band, x: Scale, y: Scale, width: float, z: float) -> None:

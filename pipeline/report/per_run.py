@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.findings import Parameter
 from pipeline.report.gathered import gathered
-from pipeline.report.numbers import THIN, plain
+from pipeline.report.numbers import THIN, alike, plain
 from pipeline.report.reading_units import ReadingUnit
 from pipeline.report.table import Head, Shown, TableView
 
@@ -51,12 +51,12 @@ def _row(what: Shown, unit: ReadingUnit, parameters: Sequence[Parameter], runs: 
         return [what, count, nothing, *(Shown("", kind="number") for _ in range(3)), Shown("")]
     values = np.array([unit.read(parameter.value or 0.0) for parameter in known])
     low, middle, high = np.quantile(values, [_RANGE[0], 0.5, _RANGE[1]])
-    ends = [
-        Shown(plain(float(values[place])), str(known[place].at["run"]), "number")
-        for place in (values.argmin(), values.argmax())
-    ]
-    span = Shown(f"{plain(float(low))} … {plain(float(high))}", kind="number")
-    return [what, count, Shown(plain(float(middle)), kind="number"), span, *ends, Shown(unit.name)]
+    first, last = int(values.argmin()), int(values.argmax())
+    numbers = [float(number) for number in (low, middle, high, values[first], values[last])]
+    texts = alike(numbers) or [plain(number) for number in numbers]
+    ends = [Shown(text, str(known[place].at["run"]), "number") for text, place in zip(texts[3:], (first, last), strict=True)]
+    span = Shown(f"{texts[0]} … {texts[2]}", kind="number")
+    return [what, count, Shown(texts[1], kind="number"), span, *ends, Shown(unit.name)]
 
 
 def _count(n: int) -> str:

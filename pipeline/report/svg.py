@@ -14,6 +14,7 @@ from pipeline.report.palette import css_colour
 
 _COLOURED = ("fill", "stroke")
 _DROPPED_STYLES = ("font-family", "stroke-linejoin", "stroke-linecap", "font-style")
+_DOT = re.compile(r"M([^ ]+ [^ ]+) \1(?=M|$)")
 _NUMBER = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
 
 
@@ -88,7 +89,7 @@ def _style(text: str) -> str:
     kept = []
     for entry in text.split(";"):
         name, _, value = (part.strip() for part in entry.partition(":"))
-        if name and name not in _DROPPED_STYLES:
+        if name and (name not in _DROPPED_STYLES or (name == "stroke-linecap" and value == "round")):
             kept.append(f"{name}:{css_colour(value) if name in _COLOURED else value}")
     return ";".join(kept)
 
@@ -98,7 +99,8 @@ def _path(text: str) -> str:
     short = " ".join(_NUMBER.sub(_one_decimal, text).split())
     if "C" not in short and "Q" not in short:
         short = short.replace("L ", "")
-    return re.sub(r" ?([MCQzL]) ?", r"\1", short)
+    short = re.sub(r" ?([MCQzL]) ?", r"\1", short)
+    return _DOT.sub(r"M\1h0", short)
 
 
 def _one_decimal(number: re.Match[str]) -> str:

@@ -1,21 +1,18 @@
-"""A campaign of many runs in a report: trend and odd runs of a number, told and drawn; runs that stand for the others.
+"""A campaign of many runs in a report: trend and odd runs of its numbers, drawn and listed; runs that stand for the others.
 
-For six runs as for ten thousand. The statistics are `pipeline.estimation.course`; which numbers are worth it, and what a
-change means on the rig, is the experiment's to say.
+What is drawn is made by `over_runs` of `number_over_runs`.
 """
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 
 import numpy as np
 
 from pipeline.errors import counted, listing
-from pipeline.estimation.course import Change, Course, Odd, course
+from pipeline.estimation.course import Course
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.findings.figures import (
     Axis,
@@ -32,205 +29,35 @@ from pipeline.findings.figures import (
     Table,
     Value,
 )
+from pipeline.rigs.number_over_runs import OverRuns, natural, over_runs, unit_text
+
+__all__ = [
+    "MANY",
+    "OverRuns",
+    "distribution_panel",
+    "natural",
+    "odd_table",
+    "over_runs",
+    "representative",
+    "trend_figure",
+    "trend_panel",
+]
 
 MANY = 40  # from so many runs on, trends and runs that stand for others say more than a panel for each
 
-_BARS_UP_TO = 200  # runs whose own limits are drawn
+_BARS_UP_TO = 120  # runs whose own limits are drawn
 _BLOCKS = 30  # of more runs, their means with limits
 _IN_VIEW = 8.0  # spreads; a run farther off is drawn at the edge, with its number
-_NAMED_ODD, _TOLD_ODD, _MOST_ODD_ROWS = 6, 3, 50
+_NAMED_ODD, _MOST_ODD_ROWS = 6, 50
 _MOST_DAYS = 12
 _DAY = 86400.0
 _BINS = (8, 48)
-_CLEAR_OF_ZERO = 10.0  # spreads; a level that far off is one of which a change is a share
-
-
-@dataclass(frozen=True, eq=False)
-class OverRuns:
-    """One number of the runs of a campaign, in their order.
-
-    Attributes
-    ----------
-    what, unit
-        What the number is ("stiffness"), as it stands in a sentence, and its SI unit ('1' for a ratio).
-    runs, values, std_errors
-        Names, numbers and their own errors (SI, NaN where not known) in the order of the runs, shape (n,).
-    order
-        What tells the order, in words: "in the order in which the logs begin".
-    begins
-        When they began, s since 1970, or None.
-    grouped, share
-        Whether `course` tells deviations from the level of the run's group, and whether they are shares of it.
-    course
-        Level, scatter, changes, odd runs.
-    """
-
-    what: str
-    unit: str
-    runs: Sequence[str]
-    values: np.ndarray
-    std_errors: np.ndarray
-    order: str
-    begins: Sequence[float] | None
-    grouped: bool
-    share: bool
-    course: Course
-
-    def sentences(self) -> list[str]:
-        """Say what changes and which runs are odd, one sentence each; none where all is as chance would have it."""
-        odd = self.odd_sentence()
-        return [self.change_sentence(change) for change in self.course.changes] + ([odd] if odd else [])
-
-    def change_sentence(self, change: Change) -> str:
-        """Say a change with its size, its 95 % interval and where it is."""
-        low, high = change.ci95
-        size = f"{self._size(change.size)} (95 %: {self._size(low)} to {self._size(high)})"
-        if change.kind == "drift":
-            return f"The {self.what} drifts by {size} from the first to the last run, {self.order}."
-        before, after = self.runs[self._known_before(change.first)], self.runs[change.first]
-        when = f" ({_date(self.begins[change.first])})" if self.begins else ""
-        return f"The {self.what} steps by {size} between run '{before}' and run '{after}'{when}."
-
-    def odd_sentence(self) -> str:
-        """Say which runs are off the others, and by how much; an empty text for none."""
-        odd = self.course.odd
-        if not odd:
-            return ""
-        told = [
-            f"'{self.runs[one.place]}' by {self.off_text(one)} ({abs(one.deviations):.1f} standard deviations of the runs"
-            + (f", {one.own_errors:.1f} of its own errors)" if one.own_errors is not None else ")")
-            for one in odd[:_TOLD_ODD]
-        ]  # fmt: skip
-        rest = listing([self.runs[one.place] for one in odd[_TOLD_ODD:]], 5)
-        more = f", and {counted(len(odd) - _TOLD_ODD, 'more run')} ({rest})" if len(odd) > _TOLD_ODD else ""
-        verb = "is" if len(odd) == 1 else "are"
-        return f"In {self.what} {counted(len(odd), 'run')} of {self._known} {verb} off the others: {', '.join(told)}{more}."
-
-    def off_text(self, one: Odd) -> str:
-        """Return by how much a run is off, with its sign."""
-        whole = self._whole
-        own = whole is not None and not self.share
-        return self._told(one.off, abs(float(self.course.expected[one.place])) if own else whole)
-
-    def scatter_text(self) -> str:
-        """Return the scatter between runs beyond their own errors, as a share where that says more."""
-        return self._told(self.course.scatter, self._whole, "")
-
-    @property
-    def _whole(self) -> float | None:
-        """What sizes are shares of; None where they are told in SI."""
-        if self.share:
-            return 1.0
-        known = np.isfinite(self.course.values)
-        expected, spread = self.course.expected[known], self.course.spread[known]
-        far = not self.grouped and bool(np.all(np.abs(expected) > _CLEAR_OF_ZERO * spread))
-        return abs(self.course.level) if far else None
-
-    @property
-    def _known(self) -> int:
-        return int(np.isfinite(self.course.values).sum())
-
-    def _known_before(self, place: int) -> int:
-        return int(np.flatnonzero(np.isfinite(self.course.values[:place]))[-1])
-
-    def _size(self, size: float) -> str:
-        return self._told(size, self._whole)
-
-    def _told(self, size: float, whole: float | None, sign: str = "+") -> str:
-        if whole is None:
-            return f"{size:{sign}.3g} {_unit(self.unit)}".rstrip()
-        return f"{100 * size / whole:{sign}#.2g}".rstrip(".") + " %"
-
-
-def over_runs(
-    what: str,
-    unit: str,
-    runs: Sequence[str],
-    values: Sequence[float | None] | np.ndarray,
-    std_errors: Sequence[float | None] | np.ndarray | None = None,
-    *,
-    groups: Sequence[str] | None = None,
-    sequence: Sequence[float | None] | None = None,
-    begins: Sequence[float | None] | None = None,
-    among: int = 1,
-) -> OverRuns:
-    """Put one number of each run into the order of the runs and tell what it does there.
-
-    Parameters
-    ----------
-    what, unit
-        What the number is, as it stands in a sentence, and its SI unit.
-    runs, values, std_errors
-        Names, numbers (SI; None or NaN where not determined) and their standard errors, shape (n,).
-    groups
-        In words what else tells runs apart: each group has its own level, changes are common to all.
-    sequence, begins
-        Which place a run had, and when it began (s since 1970). The first that is known for every run gives the order; without
-        any, the names do (run 2 before run 10).
-    among
-        How many numbers of the campaign are looked at so: false alarms are counted over all of them.
-
-    Raises
-    ------
-    ValueError
-        If no run has a value.
-    """
-    place, order = _order(runs, sequence, begins)
-    timed = begins is not None and all(moment is not None for moment in begins)
-    labels = None if groups is None else [groups[at] for at in place]
-    ordered = _numbers([values[at] for at in place])
-    own = _numbers([None if std_errors is None else std_errors[at] for at in place])
-    labels = None if groups is None else [groups[at] for at in place]
-    if labels is None or len(set(labels)) < 2:
-        share, found = False, course(ordered, own, among=among)
-    else:
-        level = _group_level(ordered, labels)
-        usual = float(np.nanmedian(np.abs(ordered - level)))
-        share = bool(np.nanmin(np.abs(level)) > _CLEAR_OF_ZERO * usual)
-        size = np.abs(level) if share else np.ones(level.size)
-        found = course((ordered - level) / size, own / size, labels, among=among)
-    return OverRuns(
-        what, unit, [runs[at] for at in place], ordered, own, order,
-        [float(begins[at] or 0.0) for at in place] if begins is not None and timed else None,
-        labels is not None and len(set(labels)) > 1, share, found,
-    )  # fmt: skip
-
-
-def _numbers(values: Sequence[float | None]) -> np.ndarray:
-    return np.array([np.nan if value is None else value for value in values], dtype=float)
-
-
-def _group_level(values: np.ndarray, labels: Sequence[Hashable]) -> np.ndarray:
-    """Return the median of each run's group, shape (n,); NaN where none of the group is known."""
-    member: dict[Hashable, list[int]] = {}
-    for place, label in enumerate(labels):
-        if np.isfinite(values[place]):
-            member.setdefault(label, []).append(place)
-    level = {label: float(np.median(values[places])) for label, places in member.items()}
-    return np.array([level.get(label, np.nan) for label in labels])
-
-
-def _order(
-    runs: Sequence[str], sequence: Sequence[float | None] | None, begins: Sequence[float | None] | None
-) -> tuple[list[int], str]:
-    for keys, told in (
-        (sequence, "in the order of their sequence numbers"),
-        (begins, "in the order in which the logs begin"),
-    ):
-        if keys is not None and all(key is not None for key in keys) and len(set(keys)) > 1:
-            return sorted(range(len(runs)), key=lambda at: (keys[at], natural(runs[at]))), told
-    return sorted(range(len(runs)), key=lambda at: natural(runs[at])), "in the order of their names"
-
-
-def natural(name: str) -> list[tuple[int, str]]:
-    """Return a key that sorts run 2 before run 10."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
 def trend_panel(found: OverRuns, title: str = "") -> Panel:
     """Return the numbers over the order of the runs with what is expected of them, steps, and odd runs by name.
 
-    Runs of several groups are shown as deviations from the level of their own group. Own 95 % limits are drawn up to 200
+    Runs of several groups are shown as deviations from the level of their own group. Own 95 % limits are drawn up to 120
     runs; of more, the means of blocks of runs with theirs.
     """
     told = found.course
@@ -240,20 +67,22 @@ def trend_panel(found: OverRuns, title: str = "") -> Panel:
     base = told.levels if found.grouped else 0.0
     x, y, expected = np.arange(1.0, told.values.size + 1), told.values - base, told.expected - base
     half = 1.96 * told.std_errors
-    wide, reach = t_quantile(told.dof), _IN_VIEW * told.spread
+    reach = _IN_VIEW * told.spread
+    parts = [_spaced(part) for part in np.split(known, np.searchsorted(known, _steps(told)))]
+    at = np.concatenate(parts)
+    spread = told.spread[at] if known.size <= _BARS_UP_TO else np.full(at.size, float(np.median(told.spread[known])))
     marks: list[Mark] = [
-        Band(x[known], *_about(expected[known], wide * told.spread[known]), "reference", "95 of 100 runs"),
-        Band(x[known], *_about(expected[known], wide * told.std_error[known]), "model", "95 % of what is expected"),
+        Band(x[at], *_about(expected[at], t_quantile(known.size - 1) * spread), "reference", "95 of 100 runs"),
+        Band(
+            x[at], *_about(expected[at], t_quantile(told.dof) * told.std_error[at]), "model", "95 % of what is expected"
+        ),
     ]
     bars = known.size <= _BARS_UP_TO and bool(np.isfinite(half).any())
     low, high = _about(y, half)
-    marks.append(
-        Points(x[usual], y[usual], "measured", "runs", low[usual] if bars else None, high[usual] if bars else None)
-    )
+    marks.append(Points(x[usual], y[usual], 0, "runs", low[usual] if bars else None, high[usual] if bars else None))
     if known.size > _BARS_UP_TO:
         marks.append(_blocks(x[usual], (y - expected)[usual], expected[usual]))
-    for part in np.split(known, np.searchsorted(known, sorted(_steps(told)))):
-        marks.append(Line(x[part], expected[part], "model", "expected"))
+    marks += [Line(x[part], expected[part], "model", "expected") for part in parts if part.size]
     if odd.size:
         far = np.abs(y - expected)[odd] > reach[odd]
         shown = np.clip(y[odd], expected[odd] - reach[odd], expected[odd] + reach[odd])
@@ -274,8 +103,17 @@ def _about(centre: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return centre - half, centre + half
 
 
+def _spaced(places: np.ndarray) -> np.ndarray:
+    """Return places at which lines without corners are drawn: all of few, evenly spaced ones of many."""
+    if places.size <= _BARS_UP_TO:
+        return places
+    return np.asarray(places[np.linspace(0, places.size - 1, _BLOCKS).round().astype(int)])
+
+
 def _steps(told: Course) -> list[int]:
-    return [change.first for change in told.changes if change.kind == "step"]
+    """Return the places of the first runs after a step."""
+    firsts = [change.first for change in told.changes if change.kind != "drift"]
+    return sorted({*firsts, *(change.last + 1 for change in told.changes if change.kind == "spell")})
 
 
 def _blocks(x: np.ndarray, off: np.ndarray, expected: np.ndarray) -> Points:
@@ -334,6 +172,17 @@ def _histogram(off: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.histogram(np.clip(off, first, last), bins, (first, last))
 
 
+def _days(begins: Sequence[float] | None) -> list[tuple[float, str]]:
+    """Return where a new day (UTC) begins, and its date; nothing where days are many or all runs are of one."""
+    if not begins:
+        return []
+    day = np.floor(np.asarray(begins) / _DAY)
+    first = np.flatnonzero(np.diff(day) > 0) + 1
+    if not 0 < first.size < _MOST_DAYS:
+        return []
+    return [(float(at) + 0.5, f"{datetime.fromtimestamp(begins[int(at)], UTC):%d %b}") for at in first]
+
+
 def odd_table(numbers: Sequence[OverRuns], name: str = "odd-runs", title: str = "Runs off the others") -> Table | None:
     """Return the odd runs of all numbers, the farthest first; None where there is none.
 
@@ -360,7 +209,7 @@ def odd_table(numbers: Sequence[OverRuns], name: str = "odd-runs", title: str = 
         cell = (
             Value(value, error if math.isfinite(error) else None)
             if shared
-            else f"{value:.5g} {_unit(number.unit)}".rstrip()
+            else f"{value:.5g} {unit_text(number.unit)}".rstrip()
         )
         lines.append([number.runs[one.place], number.what, cell, number.off_text(one), round(one.deviations, 1),
                       None if one.own_errors is None else round(one.own_errors, 1)])  # fmt: skip
@@ -387,22 +236,3 @@ def representative(runs: Sequence[str], misfit: Sequence[float | None] | np.ndar
         len(told), {"best": 0, "median": (len(told) - 1) // 2, "worst": len(told) - 1}
     )
     return {word: told[place][2] for word, place in places.items()} if told else {}
-
-
-def _days(begins: Sequence[float] | None) -> list[tuple[float, str]]:
-    """Return where a new day (UTC) begins, and its date; nothing where days are many or all runs are of one."""
-    if not begins:
-        return []
-    day = np.floor(np.asarray(begins) / _DAY)
-    first = np.flatnonzero(np.diff(day) > 0) + 1
-    if not 0 < first.size < _MOST_DAYS:
-        return []
-    return [(float(at) + 0.5, f"{datetime.fromtimestamp(begins[int(at)], UTC):%d %b}") for at in first]
-
-
-def _date(moment: float) -> str:
-    return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d %H:%M} UTC"
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else unit
