@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import click
@@ -16,6 +18,7 @@ from pipeline.campaign.repeated import Head, repeated
 from pipeline.campaign.runs_table import RunsTable
 from pipeline.cli.progress import progress
 from pipeline.errors import InputError
+from pipeline.ingest.quality import ChannelSummary
 from pipeline.ingest.reader import RawLog
 from pipeline.ingest.scan import TableScan, scan_run
 from pipeline.recording import QualityFinding, Recording
@@ -23,6 +26,15 @@ from pipeline.rigs.experiment import Experiment
 from pipeline.rigs.registry import experiment as find_experiment
 
 _ORDER = {"error": 0, "warning": 1, "note": 2}
+_HEADINGS = ("channel", "in the log", "unit", "taken as", "min", "mean", "max", "missing")
+# So many of the columns hold words.
+_WORDS = 4
+# So many numbered channels are told one by one.
+_FEW = 4
+_NUMBERED = re.compile(r"[._]?\d+$")
+_MOST_SAID = 24
+# Seconds beyond this (September 2001) count from 1970.
+_DATED = 1e9
 
 
 def show(
@@ -83,11 +95,14 @@ def _show_run(
     specs = recipe.experiment.channels if recipe else ()
     scan = scan_run(run.files, specs, recipe.channels if recipe else None, names)
     for log in scan.logs:
-        about = ", ".join(f"{key} {value}" for key, value in log.details.items())
+        parts = {f"topic {table.name}" for table in log.tables}
+        about = ", ".join(f"{key} {value}" for key, value in log.details.items() if key not in parts)
         called = next((names[stream] for stream, path in run.files if path == log.path), log.path)
         click.echo(f"{called}: {log.format}{f' ({about})' if about else ''}")
+    if len(scan.tables) > 1:
+        click.echo(f"{len(scan.tables)} tables with {sum(len(t.summary.channels) for t in scan.tables)} channels")
     for part in scan.tables:
-        _show_table(part)
+        _show_table(part, _detail(part, scan.logs))
     _show_said(scan.logs)
     quality, refused = list(scan.quality), False
     if recipe is not None:
@@ -107,16 +122,25 @@ def _show_run(
     return max(_show_quality(quality), 2 if refused else 0)
 
 
+def _detail(table: TableScan, logs: Sequence[RawLog]) -> str:
+    """Return what a log tells of one of its topics."""
+    of_file = [log for log in logs if len(logs) == 1 or log.path.name == Path(table.file).name]
+    return next((log.details[key] for log in of_file if (key := f"topic {table.table}") in log.details), "")
+
+
 def _show_said(logs: Sequence[RawLog]) -> None:
-    """Print what each log says of itself, under its name where there are several."""
+    """Print what each log says of itself, under its name where there are several; what its channels say last."""
     for log in logs:
         if log.metadata:
             click.echo(f"said by {log.path.name}:" if len(logs) > 1 else "said by the log:")
-            for key, value in log.metadata.items():
+            said = sorted(log.metadata.items(), key=lambda entry: "." in entry[0])
+            for key, value in said if len(said) <= _MOST_SAID else said[: _MOST_SAID - 1]:
                 click.echo(f"  {key}: {value}")
+            if len(said) > _MOST_SAID:
+                click.echo(f"  and {len(said) - _MOST_SAID + 1} more, such as {said[-1][0]}")
 
 
-def _show_table(table: TableScan) -> None:
+def _show_table(table: TableScan, detail: str) -> None:
     summary = table.summary
     name = f"table {table.table}: " if table.table else ""
     if table.time is None:
@@ -124,29 +148,56 @@ def _show_table(table: TableScan) -> None:
     else:
         source = f"time from '{table.time.channel}' [{table.time.unit}]" if table.time.channel else "time by counting"
         rate = f", {summary.rate:.6g} Hz" if summary.rate == summary.rate else ""
-        click.echo(f"{name}{summary.n} rows{rate}, {summary.start:.6g} to {summary.end:.6g} s, {source}")
-    rows: list[tuple[str, ...]] = [("channel", "in the log", "unit", "taken as", "min", "mean", "max", "missing")]
-    for channel in summary.channels:
-        numbers = [
-            f"{value:.5g}" if value == value else "" for value in (channel.minimum, channel.mean, channel.maximum)
-        ]
-        rows.append(
-            (
-                f"{channel.name} *" if channel.name in table.mapped else channel.name,
-                channel.raw_name if channel.raw_name != channel.name else "",
-                channel.raw_unit or "?",
-                channel.unit or "text",
-                *numbers,
-                str(channel.missing) if channel.missing else "",
-            )
-        )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+        begins = f", begins {_date(table.begins)}" if table.begins is not None else ""
+        click.echo(f"{name}{summary.n} rows{rate}, {summary.start:.6g} to {summary.end:.6g} s, {source}{begins}")
+    if detail:
+        click.echo(f"  {detail}")
+    rows = [_HEADINGS, *_alike(_row(channel, channel.name in table.mapped) for channel in summary.channels)]
+    shown = [at for at in range(len(_HEADINGS)) if at < 1 or any(row[at] for row in rows[1:])]
+    widths = {at: max(len(row[at]) for row in rows) for at in shown}
     for row in rows:
-        left = [cell.ljust(width) for cell, width in zip(row[:4], widths[:4], strict=True)]
-        right = [cell.rjust(width) for cell, width in zip(row[4:], widths[4:], strict=True)]
-        click.echo(f"  {'  '.join([*left, *right])}".rstrip())
+        cells = [row[at].ljust(widths[at]) if at < _WORDS else row[at].rjust(widths[at]) for at in shown]
+        click.echo(f"  {'  '.join(cells)}".rstrip())
     if table.mapped:
         click.echo("  * as the experiment calls it")
+
+
+def _row(channel: ChannelSummary, is_mapped: bool) -> tuple[str, ...]:
+    dated = channel.unit == "s" and channel.minimum > _DATED
+    numbers = [channel.minimum, channel.mean, channel.maximum]
+    return (
+        f"{channel.name} *" if is_mapped else channel.name,
+        channel.raw_name if channel.raw_name != channel.name else "",
+        channel.raw_unit or ("?" if channel.unit else ""),
+        channel.unit or "text",
+        *((_date(value) if dated else f"{value:.5g}") if value == value else "" for value in numbers),
+        str(channel.missing) if channel.missing else "",
+    )
+
+
+def _alike(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
+    """Put rows of numbered channels that differ in nothing else, such as the zeros of a covariance, into one."""
+    waiting: list[tuple[str, ...]] = []
+    for row in rows:
+        if waiting and (_unnumbered(row) != _unnumbered(waiting[-1]) or not _NUMBERED.search(row[0])):
+            yield from _together(waiting)
+            waiting = []
+        waiting.append(row)
+    yield from _together(waiting)
+
+
+def _together(rows: Sequence[tuple[str, ...]]) -> Sequence[tuple[str, ...]]:
+    if len(rows) < _FEW:
+        return rows
+    return [(f"{rows[0][0]} to {_NUMBERED.search(rows[-1][0])[0]}", *rows[0][1:])]  # type: ignore[index]
+
+
+def _unnumbered(row: tuple[str, ...]) -> tuple[str, ...]:
+    return (_NUMBERED.sub("", row[0]), *row[1:])
+
+
+def _date(seconds: float) -> str:
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}"
 
 
 def _show_conditions(given: conditions.Conditions, recipe: Recipe) -> None:

@@ -32,7 +32,8 @@ _COUNTED = TimeSource(None, rate=1.0)
 class TableScan:
     """One table: the file and its own name, where its time comes from, and its numbers.
 
-    `time` is None where there is none of use; rows were then counted as seconds. Channels of `summary` bear canonical
+    `time` is None where there is none of use; rows were then counted as seconds. `begins` is the date of the first row,
+    seconds since 1970, None where the times have none. Channels of `summary` bear canonical
     names where they are mapped (`mapped`) and the log's own names otherwise.
     """
 
@@ -41,6 +42,7 @@ class TableScan:
     time: TimeSource | None
     summary: StreamSummary
     mapped: frozenset[str]
+    begins: float | None = None
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,9 @@ def scan_run(
         mapped = frozenset(channel.name for channel in selection.channels)
         summary, sound = _pass(stream, quality)
         source = selection.source
-        tables.append(TableScan(source.shown, source.table.name, time if sound else None, summary, mapped))
+        used = time if sound else None
+        begins = stream.clock.begins if used is not None else None
+        tables.append(TableScan(source.shown, source.table.name, used, summary, mapped, begins))
     return RunScan(tuple(logs.values()), tuple(tables), tuple(summed(quality)))
 
 
