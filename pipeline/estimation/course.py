@@ -160,7 +160,7 @@ def course(
     member = np.array([index[label] for label in labels])
     levels = (member[:, None] == np.arange(len(index))).astype(float)
     order = np.linspace(-0.5, 0.5, at.size) if at.size > 1 else np.zeros(1)
-    error = np.where(np.isfinite(own[at]) & (own[at] > 0), own[at], 0.0)
+    error = np.where(np.isfinite(own[at]) & (own[at] > 0), own[at], _rounding(known[at]))
     # About the median, in units of the usual deviation: neither large levels nor small numbers cost digits.
     centre = float(np.median(known[at]))
     off = np.abs(known[at] - centre)
@@ -197,6 +197,12 @@ def course(
         known, own, expected, std_error, of_group, spread, unit * fit.scatter, centre + unit * float(mean @ fit.beta),
         unit * math.sqrt(float(mean @ covariance @ mean)), dof, tuple(changes), odd, limit,
     )  # fmt: skip
+
+
+def _rounding(values: np.ndarray) -> float:
+    """Return the standard deviation by which numbers are rounded, where so many are the same that they must be; 0 else."""
+    different = np.unique(values)
+    return float(np.diff(different).min() / math.sqrt(12)) if 1 < different.size <= values.size / 2 else 0.0
 
 
 def _odd(fit: RobustFit, unit: float, at: np.ndarray, own: np.ndarray, chance: float) -> tuple[tuple[Odd, ...], float]:

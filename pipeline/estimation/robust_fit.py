@@ -5,7 +5,6 @@ For numbers of runs in their order; not for signals.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,10 +114,7 @@ def _scatter(residual: np.ndarray, error: np.ndarray, free: np.ndarray, p: int) 
         return bool(np.median(np.sort(size / np.where(sd > 0, sd, 1e-300))[fitted:]) > usual)
 
     if not too_large(0.0):
-        if error.any() or not size.any():
-            return 0.0
-        # More than half of the numbers are the same by rounding: less than its step cannot be told.
-        return float(max(size.mean() * math.sqrt(math.pi / 2), size[size > 0].min()))
+        return 0.0
     low, high = 0.0, float(size.max()) / usual
     for _ in range(60):
         middle = (low + high) / 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.estimation.course import Course, course
+from pipeline.estimation.course import Change, Course, course
 
 NOISE = 0.1
 
@@ -14,14 +14,14 @@ def noisy(n: int, seed: int = 1) -> np.ndarray:
     return np.random.default_rng(seed).normal(10.0, NOISE, n)
 
 
-def one_change(found: Course, kind: str):
+def one_change(found: Course, kind: str) -> Change:
     (change,) = found.changes
     assert change.kind == kind
     return change
 
 
 @pytest.mark.parametrize("n", [6, 12, 100, 3000])
-def test_the_interval_of_the_level_covers_the_truth_in_nearly_95_of_100_campaigns(n):
+def test_the_interval_of_the_level_covers_the_truth_in_nearly_95_of_100_campaigns(n: int) -> None:
     campaigns = {6: 120, 12: 120, 100: 60, 3000: 20}[n]
     covered = 0
     for seed in range(campaigns):
@@ -30,14 +30,14 @@ def test_the_interval_of_the_level_covers_the_truth_in_nearly_95_of_100_campaign
     assert covered >= 0.95 * campaigns - 2.4 * np.sqrt(0.0475 * campaigns)
 
 
-def test_few_of_sixty_steady_campaigns_show_a_change_or_an_odd_run():
+def test_few_of_sixty_steady_campaigns_show_a_change_or_an_odd_run() -> None:
     found = [course(noisy(40, seed)) for seed in range(60)]
     assert sum(bool(one.changes) for one in found) <= 3
     assert sum(bool(one.odd) for one in found) <= 8
 
 
 @pytest.mark.parametrize("n", [8, 40, 1000])
-def test_an_odd_run_is_named_with_its_distance(n):
+def test_an_odd_run_is_named_with_its_distance(n: int) -> None:
     values = noisy(n)
     values[n // 2] += 30 * NOISE
     found = course(values, np.full(n, NOISE / 2))
@@ -49,7 +49,7 @@ def test_an_odd_run_is_named_with_its_distance(n):
     assert not found.changes
 
 
-def test_the_limit_grows_with_the_number_of_runs_and_of_numbers_looked_at():
+def test_the_limit_grows_with_the_number_of_runs_and_of_numbers_looked_at() -> None:
     limits = [course(noisy(n)).limit for n in (100, 1000, 10_000)]
     assert limits == sorted(limits)
     assert 3.3 < limits[0] < limits[-1] < 5.0
@@ -57,14 +57,14 @@ def test_the_limit_grows_with_the_number_of_runs_and_of_numbers_looked_at():
 
 
 @pytest.mark.parametrize("n", [24, 1000])
-def test_a_drift_is_told_with_its_size(n):
+def test_a_drift_is_told_with_its_size(n: int) -> None:
     change = one_change(course(noisy(n) + np.linspace(0, 0.6, n)), "drift")
     assert change.ci95[0] < 0.6 < change.ci95[1]
     assert (change.first, change.last) == (0, n - 1)
 
 
 @pytest.mark.parametrize(("n", "size"), [(30, 0.5), (1000, 0.1)])
-def test_a_step_is_found_to_the_run_or_nearly(n, size):
+def test_a_step_is_found_to_the_run_or_nearly(n: int, size: float) -> None:
     values = noisy(n)
     values[n // 3 :] += size
     change = one_change(course(values), "step")
@@ -72,21 +72,22 @@ def test_a_step_is_found_to_the_run_or_nearly(n, size):
     assert change.ci95[0] < size < change.ci95[1]
 
 
-def test_a_day_that_is_off_is_a_spell_with_both_ends():
+def test_a_day_that_is_off_is_a_spell_with_both_ends() -> None:
     values = noisy(1000)
     values[300:400] -= 0.15
     change = one_change(course(values), "spell")
-    assert (change.first, change.last) == (pytest.approx(300, abs=12), pytest.approx(399, abs=12))
+    assert abs(change.first - 300) <= 12
+    assert abs(change.last - 399) <= 12
     assert change.ci95[0] < -0.15 < change.ci95[1]
 
 
-def test_runs_of_a_drifted_campaign_are_not_odd_for_that():
+def test_runs_of_a_drifted_campaign_are_not_odd_for_that() -> None:
     found = course(noisy(500) + np.linspace(0, 5, 500))
     assert not found.odd
     assert found.scatter == pytest.approx(NOISE, rel=0.15)
 
 
-def test_groups_have_their_own_levels():
+def test_groups_have_their_own_levels() -> None:
     group = np.arange(70) % 7
     values = noisy(70) + 5.0 * group
     values[33] += 2.0
@@ -96,7 +97,7 @@ def test_groups_have_their_own_levels():
     assert np.all(np.abs(found.levels - 10 - 5 * group) < 5 * NOISE / np.sqrt(10))
 
 
-def test_scatter_is_what_own_errors_do_not_explain():
+def test_scatter_is_what_own_errors_do_not_explain() -> None:
     rng = np.random.default_rng(3)
     error = np.where(np.arange(2000) % 2, 0.3, 0.05)
     values = 1.0 + rng.normal(0, 0.2, 2000) + rng.normal(0, error)
@@ -104,7 +105,7 @@ def test_scatter_is_what_own_errors_do_not_explain():
     assert course(1.0 + rng.normal(0, error), error).scatter < 0.05
 
 
-def test_runs_that_follow_each_other_count_less():
+def test_runs_that_follow_each_other_count_less() -> None:
     rng = np.random.default_rng(4)
     slow = np.convolve(rng.normal(0, NOISE, 420), np.ones(20) / 4, "valid")[:400]
     wandering, white = course(10 + slow), course(10 + rng.permutation(slow))
@@ -113,24 +114,24 @@ def test_runs_that_follow_each_other_count_less():
 
 
 @pytest.mark.parametrize("values", [[3.0], [3.0, 3.0], [3.0] * 50, [None, 2.0, None, 2.5], [0.0] * 9, [1e-300, 2e-300]])
-def test_few_or_equal_numbers_need_no_scatter(values):
+def test_few_or_equal_numbers_need_no_scatter(values: list[float | None]) -> None:
     found = course(values)
     assert not found.odd
     assert not found.changes
     assert found.level == pytest.approx(np.mean([value for value in values if value is not None]))
 
 
-def test_one_run_has_no_error_of_its_own_making():
+def test_one_run_has_no_error_of_its_own_making() -> None:
     assert np.isnan(course([3.0]).level_error)
     assert course([3.0], [0.2]).level_error == pytest.approx(0.2)
 
 
-def test_numbers_rounded_to_a_few_steps_make_no_odd_runs():
+def test_numbers_rounded_to_a_few_steps_make_no_odd_runs() -> None:
     assert not course(np.round(noisy(300), 1)).odd
     assert not course([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.01, 1.01, 1.0]).odd
 
 
-def test_the_same_input_gives_the_same_result():
+def test_the_same_input_gives_the_same_result() -> None:
     values = noisy(200)
     values[100:] += 0.1
     first, again = course(values), course(values.copy())
@@ -138,6 +139,6 @@ def test_the_same_input_gives_the_same_result():
     assert first.odd == again.odd
 
 
-def test_no_value_at_all_is_refused():
+def test_no_value_at_all_is_refused() -> None:
     with pytest.raises(ValueError, match="none of the runs"):
         course([None, np.nan])
