@@ -6,7 +6,7 @@ Knows compression, check sums and record heads; not what a message says.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -14,12 +14,11 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.ingest.mcap_log import records
-from pipeline.ingest.mcap_log.layout import Layout, Segment
+from pipeline.ingest.mcap_log.layout import LARGEST_CHUNK, Layout, Segment
 from pipeline.ingest.mcap_log.records import MESSAGE_HEAD, RECORD_HEAD
 
 COMPRESSIONS = ("zstd", "lz4", "bz2", "")
-# Chunks are meant to hold about 1 MB. Beyond these a chunk is a mistake or an attack.
-LARGEST_CHUNK = 256 << 20
+# A chunk that unpacks to more times its length is a mistake or an attack.
 LARGEST_RATIO = 1000
 _HARMLESS = 16 << 20
 _ZEROS_OF_A_POWER_CUT = 512
@@ -55,6 +54,14 @@ class Batch:
         if len(ids) == 1:
             return np.flatnonzero(self.channels == ids[0])
         return np.flatnonzero(np.isin(self.channels, ids))
+
+    def parted(self, positions: np.ndarray, most: int) -> Iterator[np.ndarray]:
+        """Yield positions (k,) in parts whose payloads have about `most` bytes, at least one message each."""
+        filled = np.cumsum(self.ends[positions] - self.starts[positions])
+        last = int(filled[-1]) if filled.size else 0
+        for part in np.split(positions, np.unique(np.searchsorted(filled, np.arange(most, last, most)))):
+            if part.size:
+                yield part
 
     def payloads(self, positions: np.ndarray) -> list[bytes]:
         """Return the payloads of the messages at `positions`."""
@@ -127,6 +134,7 @@ class Messages:
                 for segment in self.portions[portion]:
                     file.seek(segment.offset)
                     try:
+                        _refuse_if_large(segment)
                         parts.append(self._unpacked(segment, file.read(segment.length)))
                     except ChunkError as error:
                         self._lose(segment, str(error), left_out=True)
@@ -219,13 +227,22 @@ def _portions(segments: Sequence[Segment]) -> list[list[Segment]]:
     return portions
 
 
+def _refuse_if_large(segment: Segment) -> None:
+    """Raise ChunkError for a chunk that would not fit into memory."""
+    if segment.chunk is not None and max(segment.chunk.size, segment.length) > LARGEST_CHUNK:
+        raise ChunkError(
+            f"it says that it unpacks to {segment.chunk.size} bytes; more than {LARGEST_CHUNK} are refused. Write the log anew "
+            "with chunks of a few MB, as 'mcap compress' does"
+        )
+
+
 def unpacked(segment: Segment, data: bytes) -> bytes:
     """Return the records of a segment, of a cut chunk as many bytes as can be had.
 
     Raises
     ------
     ChunkError
-        If the chunk is packed in an unknown way, is too large, is damaged, or fails its check sum.
+        If the chunk is packed in an unknown way, unpacks to too much, is damaged, or fails its check sum.
     """
     chunk = segment.chunk
     if chunk is None:
@@ -233,8 +250,6 @@ def unpacked(segment: Segment, data: bytes) -> bytes:
     if chunk.compression not in COMPRESSIONS:
         known = ", ".join(name or "none" for name in COMPRESSIONS)
         raise ChunkError(f"it is compressed with '{chunk.compression}'; known are {known}")
-    if chunk.size > LARGEST_CHUNK:
-        raise ChunkError(f"it says that it unpacks to {chunk.size} bytes; more than {LARGEST_CHUNK} are refused")
     if chunk.size > _HARMLESS and chunk.size > LARGEST_RATIO * len(data):
         raise ChunkError(
             f"it says that {len(data)} bytes unpack to {chunk.size}, more than {LARGEST_RATIO} times as many; "

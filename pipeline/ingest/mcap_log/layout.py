@@ -18,13 +18,16 @@ from pipeline.ingest.mcap_log.records import RECORD_HEAD, Channel, ChunkHead, Ma
 
 _WINDOW = 1 << 16
 _RUN_BYTES = 1 << 20
+# Chunks are meant to hold about 1 MB. One beyond this is not unpacked; the records of one that is not packed are walked over.
+LARGEST_CHUNK = 256 << 20
 # Bodies read whole at the top level (schemas, metadata, indexes); a longer one is a lie.
 _LARGEST_BODY = 64 << 20
 _KNOWN = range(records.HEADER, records.DATA_END + 1)
 _PRIVATE = 0x80
+_MESSAGE, _CHUNK = bytes((records.MESSAGE,)), bytes((records.CHUNK,))
 
 
-@dataclass
+@dataclass(slots=True)
 class Segment:
     """A stretch of the file that holds messages: a chunk, or a run of messages outside chunks.
 
@@ -143,6 +146,10 @@ def _check_magic(path: Path, found: bytes, size: int) -> None:
 def _walk(layout: Layout, window: _Window) -> None:
     at = len(records.MAGIC)
     while at < layout.size:
+        behind = _behind_messages(layout, window, at) or _within_large_chunk(window, at)
+        if behind is not None:
+            at = behind
+            continue
         last = layout.segments[-1] if layout.segments else None
         reason = _step_reason(layout, window, at)
         if reason is None:
@@ -167,6 +174,53 @@ def _walk(layout: Layout, window: _Window) -> None:
         at = resume
     if layout.segments:
         layout.segments[-1].counts = None
+
+
+def _behind_messages(layout: Layout, window: _Window, at: int) -> int | None:
+    """Take the messages outside chunks that follow each other from `at`; return where they end, None where none is whole."""
+    if window.at(at, 1) != _MESSAGE:
+        return None
+    data = window.at(at, _RUN_BYTES)
+    last, unpack = len(data) - RECORD_HEAD.size - 2, RECORD_HEAD.unpack_from
+    segment = layout.segments[-1] if layout.segments else None
+    i = 0
+    while i <= last and data[i] == records.MESSAGE:
+        if segment is None or not _goes_on(segment, at + i):
+            segment = Segment(at + i, 0, 0, counts={})
+        counts = {} if segment.counts is None else segment.counts
+        begin, most = i, i + _RUN_BYTES - segment.size
+        while i <= last and i < most:
+            opcode, length = unpack(data, i)
+            behind = i + RECORD_HEAD.size + length
+            if opcode != records.MESSAGE or behind > len(data):
+                break
+            channel_id = data[i + RECORD_HEAD.size] | data[i + RECORD_HEAD.size + 1] << 8
+            counts[channel_id] = counts.get(channel_id, 0) + 1
+            i = behind
+        if i == begin:
+            break
+        if not segment.size:
+            layout.segments.append(segment)
+        segment.length += i - begin
+        segment.size += i - begin
+    return at + i if i else None
+
+
+def _goes_on(segment: Segment, at: int) -> bool:
+    """Tell whether a record outside chunks at `at` belongs to this stretch."""
+    return segment.chunk is None and segment.offset + segment.length == at and segment.size < _RUN_BYTES
+
+
+def _within_large_chunk(window: _Window, at: int) -> int | None:
+    """Return where the records of a chunk begin that is not packed and too large to be held; None for all else."""
+    if window.at(at, 1) != _CHUNK:
+        return None
+    start = at + RECORD_HEAD.size
+    try:
+        head = records.chunk_head(window.at(start, 256))
+    except MalformedError:
+        return None
+    return start + head.data_offset if head.compression == "" and head.size > LARGEST_CHUNK else None
 
 
 def _step_reason(layout: Layout, window: _Window, at: int) -> str | None:
@@ -217,8 +271,7 @@ def _take_said(layout: Layout, opcode: int, body: bytes, at: int) -> None:
 
 def _add_loose(layout: Layout, last: Segment | None, opcode: int, window: _Window, at: int, length: int) -> None:
     whole = RECORD_HEAD.size + length
-    follows = last is not None and last.chunk is None and last.offset + last.length == at and last.size < _RUN_BYTES
-    if last is None or not follows:
+    if last is None or not _goes_on(last, at):
         if opcode != records.MESSAGE:
             return
         last = Segment(at, 0, 0, counts={})

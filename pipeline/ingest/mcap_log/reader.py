@@ -37,7 +37,7 @@ class McapReader(Reader):
     """Reads MCAP files of format version 0."""
 
     name = "mcap"
-    version = 2
+    version = 3
     suffixes = (".mcap",)
 
     def recognises(self, head: bytes, suffix: str) -> bool:

@@ -51,7 +51,7 @@ class Channel:
     problem: str | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class ChunkHead:
     """The body of a chunk up to its data: times in ns, `data_offset` counts from the body's start."""
 

@@ -17,6 +17,8 @@ from pipeline.ingest.reader import BLOCK_ROWS, RawChannel, RawTable
 from pipeline.recording import QualityFinding
 
 Rows = dict[str, np.ndarray]
+# Decoded messages take some ten times the room of their bytes; usual chunks are smaller than this.
+_DECODED_BYTES = 16 << 20
 
 
 class TopicTable(RawTable):
@@ -79,16 +81,9 @@ class TopicTable(RawTable):
         tally, decode = self._tally, self._topic.decode
         assert decode is not None
         latest = -np.inf
-        for portion in range(len(self._messages.portions)):
-            if not self._messages.may_hold(portion, self._topic.ids):
-                continue
-            batch = self._messages.batch(portion, self._topic.ids)
-            at = batch.of(self._topic.ids)
-            if not at.size:
-                continue
-            stamps = self._seconds((batch.publish_times if self._clock == "publish" else batch.log_times)[at])
+        for stamps, payloads in self._logged():
             try:
-                columns, good = decode(batch.payloads(at), wanted)
+                columns, good = decode(payloads, wanted)
             except TooManyFieldsError:
                 tally.too_wide = tally.too_wide if tally.too_wide is not None else float(stamps[0])
                 continue
@@ -105,6 +100,18 @@ class TopicTable(RawTable):
             if wanted is None:
                 self._note_unknown(columns, stamps)
             yield stamps, columns
+
+    def _logged(self) -> Iterator[tuple[np.ndarray, list[bytes]]]:
+        """Yield stamps (s, shape (m,)) and payloads of the messages, as many at once as can be decoded in little memory."""
+        for portion in range(len(self._messages.portions)):
+            if not self._messages.may_hold(portion, self._topic.ids):
+                continue
+            batch = self._messages.batch(portion, self._topic.ids)
+            for at in batch.parted(batch.of(self._topic.ids), _DECODED_BYTES):
+                yield (
+                    self._seconds((batch.publish_times if self._clock == "publish" else batch.log_times)[at]),
+                    batch.payloads(at),
+                )
 
     def _seconds(self, times: np.ndarray) -> np.ndarray:
         # The difference is taken in integers: a float64 of an epoch in ns is 256 ns coarse.

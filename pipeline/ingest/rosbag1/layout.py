@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from pipeline.errors import InputError
-from pipeline.ingest.mcap_log.batches import LARGEST_CHUNK
-from pipeline.ingest.mcap_log.layout import Damage, Layout, Segment
+from pipeline.ingest.mcap_log.layout import LARGEST_CHUNK, Damage, Layout, Segment
 from pipeline.ingest.mcap_log.records import ChunkHead, MalformedError, printable
 from pipeline.ingest.misnamed import misnamed
 from pipeline.ingest.rosbag1 import records

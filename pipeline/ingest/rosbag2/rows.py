@@ -14,8 +14,8 @@ from urllib.parse import quote
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.ingest.mcap_log.batches import LARGEST_CHUNK, Batch, Messages
-from pipeline.ingest.mcap_log.layout import Layout, Segment
+from pipeline.ingest.mcap_log.batches import Batch, Messages
+from pipeline.ingest.mcap_log.layout import LARGEST_CHUNK, Layout, Segment
 
 # Rows are surveyed in ranges of about so many bytes; those with larger messages are halved.
 _RANGE_BYTES = 1 << 17
