@@ -7,9 +7,10 @@ here. All values are SI; the report converts for reading.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
 from pydantic.functional_validators import BeforeValidator
 
 SCHEMA_VERSION = 1
@@ -113,6 +114,35 @@ class Run(_Strict):
     repairs: list[str] = Field(default_factory=list)
 
 
+class _Known:
+    """The parameters of one list by name, and by name and run. No part of what findings are: not compared, not copied."""
+
+    def __init__(self) -> None:
+        self.told: list[Parameter] = []
+        self.count = 0
+        self.by_name: dict[str, list[Parameter]] = {}
+        self.by_run: dict[tuple[str, object], list[Parameter]] = {}
+
+    def of(self, parameters: list[Parameter], name: str, at: Mapping[str, object]) -> list[Parameter]:
+        """Return those of `parameters` that may be meant, in their order."""
+        if self.told is not parameters or self.count != len(parameters):
+            self.told, self.count, self.by_name, self.by_run = parameters, len(parameters), {}, {}
+            for parameter in parameters:
+                self.by_name.setdefault(parameter.name, []).append(parameter)
+                if "run" in parameter.at:
+                    self.by_run.setdefault((parameter.name, parameter.at["run"]), []).append(parameter)
+        wanted = at.get("run")
+        return self.by_name.get(name, []) if wanted is None else self.by_run.get((name, wanted), [])
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Known)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[type[_Known], tuple[()]]:
+        return _Known, ()
+
+
 class Findings(_Strict):
     """All that identification of one campaign yields.
 
@@ -137,9 +167,14 @@ class Findings(_Strict):
     provenance: dict[str, Any] = Field(default_factory=dict)
     arrays: dict[str, Any] = Field(default_factory=dict, exclude=True)
 
+    _known: _Known = PrivateAttr(default_factory=lambda: _Known())
+
     def find(self, name: str, **at: float | str | bool) -> list[Parameter]:
-        """Return the parameters of that name whose operating point holds all of `at`."""
-        return [p for p in self.parameters if p.name == name and all(p.at.get(k) == v for k, v in at.items())]
+        """Return the parameters of that name whose operating point holds all of `at`.
+
+        With ``run=...`` as fast in a campaign of 10 000 runs as in one of ten.
+        """
+        return [p for p in self._known.of(self.parameters, name, at) if all(p.at.get(k) == v for k, v in at.items())]
 
     def one(self, name: str, **at: float | str | bool) -> Parameter:
         """Return the only parameter of that name at that operating point; LookupError otherwise."""

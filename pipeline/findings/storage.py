@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +24,20 @@ def write(findings: Findings, folder: Path) -> None:
         (fresh / "arrays").mkdir()
         for name, table in findings.arrays.items():
             table.to_parquet(fresh / "arrays" / f"{name}.parquet", index=False, compression="zstd")
-        (fresh / "findings.json").write_text(to_json(findings), encoding="utf-8")
+        with (fresh / "findings.json").open("w", encoding="utf-8") as file:
+            file.writelines(_json_parts(findings))
 
 
 def to_json(findings: Findings) -> str:
     """Return the text of findings.json."""
+    return "".join(_json_parts(findings))
+
+
+def _json_parts(findings: Findings) -> Iterator[str]:
+    """Yield the text of findings.json piece by piece: that of 10 000 runs is never in memory as a whole."""
     content = findings.model_dump(mode="json", by_alias=True)
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    yield from json.JSONEncoder(indent=1, ensure_ascii=False, allow_nan=False).iterencode(content)
+    yield "\n"
 
 
 def read(path: Path) -> Findings:
