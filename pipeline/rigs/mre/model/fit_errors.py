@@ -51,7 +51,7 @@ class Errors:
 
     `pull` (p, runs) is d(parameter)/d(gain of a run) times the gain's part in the fit: with a run
     scatter s the covariance moves by pull pull^T per s^2, so an error's degrees of freedom follow from
-    the variance of s^2 (Satterthwaite 1946). `dof` holds where there is no scatter.
+    the variance of s^2 (Satterthwaite 1946); they are `dof` at most.
     """
 
     covariance: np.ndarray
@@ -65,7 +65,7 @@ class Errors:
         moved = float(((gradient @ self.pull) ** 2).sum())
         if moved == 0 or self.variance_of_square == 0:
             return math.sqrt(variance), self.dof
-        return math.sqrt(variance), max(2 * variance**2 / (moved**2 * self.variance_of_square), 1.0)
+        return math.sqrt(variance), min(max(2 * variance**2 / (moved**2 * self.variance_of_square), 1.0), self.dof)
 
     def through(self, function: Callable[[np.ndarray], float], values: np.ndarray) -> tuple[float, float, float]:
         """Return value, standard error and degrees of freedom of a function of the parameters."""

@@ -34,6 +34,7 @@ from pipeline.rigs.mre.model.fit_errors import (
 )
 from pipeline.rigs.mre.model.fit_estimates import estimates_of, impossible
 from pipeline.rigs.mre.model.loop import Loop
+from pipeline.rigs.mre.model.many import MANY, conditions_of, in_a_row, standing_for, widened
 from pipeline.rigs.mre.model.variants import NEGLIGIBLE, REJECTED_BEYOND, compare_variants, rms_force
 from pipeline.rigs.mre.pads import group_levels
 
@@ -80,7 +81,8 @@ class Identification:
 def identify_loops(loops: Sequence[Loop], options: FitOptions | None = None) -> Identification:
     """Fit every variant that the currents allow and choose by BIC; one loop is enough to be called.
 
-    Loops without a force harmonic clear of the mains are left out.
+    Loops without a force harmonic clear of the mains are left out. Of more than `many.MANY` the starts are tried with some
+    that span their conditions, and loops are held to be in the order in which they were made.
 
     Raises
     ------
@@ -91,16 +93,12 @@ def identify_loops(loops: Sequence[Loop], options: FitOptions | None = None) -> 
     loops = [loop for loop in loops if loop.kept.any()]
     if not loops:
         raise ValueError("there is no loop to fit, or all harmonics lie on the mains frequency")
-    labels, levels = group_levels([loop.current for loop in loops], options.current_tolerance)
-    reference = int(np.argmin(np.abs(levels)))
+    layouts = layouts_of(loops, options)
     loops = [_without_known_mass(loop, options) for loop in loops]
-    names = options.variants if len(levels) > 1 else ("base",)
-    field = levels[reference] != 0
     held_lag = None if options.fit_lag else options.force_lag
-    layouts = [Layout(name, tuple(labels), tuple(levels), reference, options.fit_mass, field) for name in names]
     models = [HarmonicModel(loops, layout, held_lag) for layout in layouts]
     starts = spread_starts(max(loop.amplitude for loop in loops), options.starts, options.seed)
-    first, agreeing, tried = _search(models[0], starts)
+    first, agreeing, tried = _searched(models[0], starts)
     blocks = models[0].noise_around(first.q, first.c)
     models = [HarmonicModel(loops, model.layout, model.held_lag, blocks) for model in models]
     found = [_search(model, [first.q]) for model in models]
@@ -108,9 +106,18 @@ def identify_loops(loops: Sequence[Loop], options: FitOptions | None = None) -> 
     cap = options.scatter_cap if options.scatter else 0.0
     variants, chosen = compare_variants(models, [fit for fit, _, _ in found], cap)
     if chosen != 0:  # so far the winner was only started from another variant's optimum
-        found[chosen] = _search(models[chosen], [found[chosen][0].q, *starts])
+        found[chosen] = _searched(models[chosen], [found[chosen][0].q, *starts])
         variants, chosen = compare_variants(models, [fit for fit, _, _ in found], cap)
     return Identification(_finished(models[chosen], *found[chosen], options), tuple(variants))
+
+
+def layouts_of(loops: Sequence[Loop], options: FitOptions) -> list[Layout]:
+    """Return the coefficients of each variant that the currents of the loops allow."""
+    labels, levels = group_levels([loop.current for loop in loops], options.current_tolerance)
+    reference = int(np.argmin(np.abs(levels)))
+    names = options.variants if len(levels) > 1 else ("base",)
+    field = levels[reference] != 0
+    return [Layout(name, tuple(labels), tuple(levels), reference, options.fit_mass, field) for name in names]
 
 
 def refit(fit: DynamicFit, loops: Sequence[Loop], options: FitOptions | None = None) -> DynamicFit:
@@ -146,10 +153,30 @@ def _search(model: HarmonicModel, starts: Sequence[np.ndarray]) -> tuple[Separab
     def admissible(end: SeparableFit) -> bool:
         return bool(np.all(end.c[:3] > 0)) and not set(_at_bound(model, end)) - PHYSICAL_BOUNDS.keys()
 
-    return multi_start(lambda q0: _solve(model, q0[: model.n_shape]), starts, admissible)
+    return multi_start(lambda q0: solve(model, q0[: model.n_shape]), starts, admissible)
 
 
-def _solve(model: HarmonicModel, q0: np.ndarray, whiten: RowMap | None = None) -> SeparableFit:
+def _searched(model: HarmonicModel, starts: Sequence[np.ndarray]) -> tuple[SeparableFit, int, int]:
+    """Search from every start, of many runs with some that stand for all; from there with all."""
+    few = standing_for(model.loops, model.layout.labels)
+    if len(few) == len(model.loops):
+        return _search(model, starts)
+    layout = replace(model.layout, labels=tuple(model.layout.labels[i] for i in few))
+    blocks = tuple(model.blocks[i] for i in few)
+    first, agreeing, tried = _search(
+        HarmonicModel([model.loops[i] for i in few], layout, model.held_lag, blocks), starts
+    )
+    return _search(model, [first.q])[0], agreeing, tried
+
+
+def solve(model: HarmonicModel, q0: np.ndarray, whiten: RowMap | None = None) -> SeparableFit:
+    """Fit from one start by plain weighted least squares; `whiten` is applied to the whitened rows.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer data than parameters, or nothing finite to fit.
+    """
     return fit_separable(
         model,
         model.data,
@@ -196,6 +223,10 @@ def _finished(
         errors = errors_of_wrong_model(jacobian, fit.residual, groups, fit.dof)
     else:
         errors = errors_with_scatter(jacobian, V, scatter, factor, held)
+    if len(model.loops) > MANY:
+        _, condition = np.unique(conditions_of(model.loops, model.layout.labels), axis=0, return_inverse=True)
+        together = (np.arange(len(model.loops)), condition.ravel(), in_a_row(len(model.loops)))
+        errors = widened(errors, jacobian, fit.residual, groups, together)
     verdict = judge(keys, values, jacobian, factor, errors, bounds)
     reference = model.layout.levels[model.layout.reference]
     estimates = (
@@ -269,7 +300,7 @@ def _with_scatter(
         if scatter.value == 0:
             return scatter, base, V
         whiten = whitening(V, scatter.value)
-        fit = _solve(model, fit.q, whiten)
+        fit = solve(model, fit.q, whiten)
         A, dA = model(fit.q)
         jacobian = model.whitened(real_rows(np.hstack([(dA @ fit.c).T, A])))
         residual = model.whitened(model.real_data - model.predicted(fit.q, fit.c))

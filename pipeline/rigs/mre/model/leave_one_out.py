@@ -1,4 +1,7 @@
-"""Refits without each run in turn: a check of the errors, of single bad runs and of prediction."""
+"""Fits without each run in turn: a check of the errors, of single bad runs and of prediction.
+
+A refit each where runs are few; where they are many, one step from the optimum, which then lies next to it.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.estimation.scatter import gain_vectors, whitening
 from pipeline.estimation.uncertainty import jackknife
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
+from pipeline.rigs.mre.model.dynamic_model import HarmonicModel, real_rows
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions, refit
+from pipeline.rigs.mre.model.many import MANY
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +46,10 @@ class LeaveOneOut:
 
 
 def leave_one_out(fit: DynamicFit, options: FitOptions | None = None) -> LeaveOneOut:
-    """Refit without each run in turn, from the optimum and with the run scatter of the full fit."""
+    """Fit without each run in turn, from the optimum and with the run scatter of the full fit."""
     loops = fit.loops
+    if len(loops) > MANY:
+        return _one_step(fit)
     values = np.full((len(loops), len(fit.names)), np.nan)
     chi2: dict[str, float] = {}
     predicted: dict[str, float] = {}
@@ -71,3 +79,38 @@ def leave_one_out(fit: DynamicFit, options: FitOptions | None = None) -> LeaveOn
         if known.size >= 3:
             spread[j] = jackknife(known[:, None]).std_error[0]
     return LeaveOneOut(values, spread, chi2, predicted, math.sqrt(misfit / signal) if signal else math.nan)
+
+
+def _one_step(fit: DynamicFit) -> LeaveOneOut:
+    """Return the fits without each run after one Gauss-Newton step: (J^T J - J_g^T J_g)^-1 J_g^T r_g."""
+    model = HarmonicModel(fit.loops, fit.layout, fit.held_lag, tuple(fit.noise[loop.run] for loop in fit.loops))
+    q, c = np.r_[np.log(fit.values[:2]), fit.values[2 : model.n_shape]], fit.values[model.n_shape :]
+    A, dA = model(q)
+    rows = real_rows(np.hstack([(dA @ c).T, A]))
+    size = np.linalg.norm(rows, axis=0)
+    rows = rows / np.where(size > 0, size, 1.0)
+    missed = model.real_data - real_rows(A @ c)
+    whiten = whitening(gain_vectors(model.whitened(model.real_data - missed), model.groups), fit.run_scatter)
+    J, r = whiten(model.whitened(rows)), whiten(model.whitened(missed))
+    H, total = J.T @ J, float(r @ r)
+    order = np.argsort(model.groups, kind="stable")
+    members = np.split(order, np.cumsum(np.bincount(model.groups))[:-1])
+    values = np.full((len(fit.loops), len(fit.names)), np.nan)
+    chi2: dict[str, float] = {}
+    predicted: dict[str, float] = {}
+    misfit = signal = 0.0
+    for i, (loop, own) in enumerate(zip(fit.loops, members, strict=True)):
+        g = J[own].T @ r[own]
+        step = np.linalg.lstsq(H - J[own].T @ J[own], g, rcond=1e-12)[0]
+        moved = np.r_[q, c] - step / np.where(size > 0, size, 1.0)
+        values[i] = np.r_[np.exp(moved[:2]), moved[2:]]
+        chi2[loop.run] = (total - float(r[own] @ r[own]) - float(g @ step)) / max(
+            r.size - own.size - q.size - c.size, 1
+        )
+        off, force = missed[own] + rows[own] @ step, model.real_data[own]
+        if fit.layout.labels.count(fit.layout.labels[i]) == 1:
+            predicted[loop.run] = math.nan  # its current has no other run
+            continue
+        predicted[loop.run] = math.sqrt(float(off @ off) / float(force @ force))
+        misfit, signal = misfit + float(off @ off), signal + float(force @ force)
+    return LeaveOneOut(values, jackknife(values).std_error, chi2, predicted, math.sqrt(misfit / signal))

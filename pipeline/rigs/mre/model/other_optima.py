@@ -14,6 +14,7 @@ from pipeline.estimation.estimate import Estimate, undetermined
 from pipeline.estimation.separable import fit_separable
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.dynamic_model import SCALE, HarmonicModel
+from pipeline.rigs.mre.model.many import standing_for
 from pipeline.rigs.mre.pads import group_levels
 
 # chi2 (in units of chi2/dof) above the best within which another optimum is as good: 95 % of one parameter.
@@ -62,7 +63,10 @@ def _inviting(fit: DynamicFit) -> bool:
 
 def _rivals(fit: DynamicFit) -> list[np.ndarray]:
     """Return parameters (natural, in the order of `names`) of other points as good as the optimum."""
-    model = HarmonicModel(fit.loops, fit.layout, fit.held_lag, tuple(fit.noise[loop.run] for loop in fit.loops))
+    few = standing_for(fit.loops, fit.layout.labels)
+    loops = [fit.loops[i] for i in few]
+    layout = replace(fit.layout, labels=tuple(fit.layout.labels[i] for i in few))
+    model = HarmonicModel(loops, layout, fit.held_lag, tuple(fit.noise[loop.run] for loop in loops))
     best = np.r_[np.log(fit.values[:2]), fit.values[2 : model.n_shape]]
 
     def solved(q0: np.ndarray, held: int) -> tuple[float, np.ndarray, np.ndarray]:
@@ -83,7 +87,8 @@ def _rivals(fit: DynamicFit) -> list[np.ndarray]:
         return end.chi2, end.q, end.c
 
     lowest, _, _ = solved(best, -1)
-    allowed = lowest + _AS_GOOD * max(lowest / max(fit.dof, 1), 1.0)
+    share = len(few) / len(fit.loops)  # of chi2, where some runs stand for many
+    allowed = lowest + share * _AS_GOOD * max(lowest / max(share * fit.dof, 1), 1.0)
     rivals = []
     for held in (0, 1):
         grid = np.linspace(model.lower[held], model.upper[held], _STEPS)

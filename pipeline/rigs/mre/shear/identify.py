@@ -15,12 +15,15 @@ from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions, Identification, identify_loops
 from pipeline.rigs.mre.model.leave_one_out import leave_one_out
 from pipeline.rigs.mre.model.loop import Loop
+from pipeline.rigs.mre.model.many import MANY
 from pipeline.rigs.mre.model.other_optima import without_other_optima
 from pipeline.rigs.mre.model.variants import DECISIVE, undecided
 from pipeline.rigs.mre.pads import group_levels
 from pipeline.rigs.mre.shear.arrays import arrays_of
 from pipeline.rigs.mre.shear.declaration import ShearSettings
 from pipeline.rigs.mre.shear.faults import mains_instead, say_faults, say_faults_of_fit
+from pipeline.rigs.mre.shear.odd_among_many import odd_among
+from pipeline.rigs.mre.shear.odd_causes import told_causes
 from pipeline.rigs.mre.shear.odd_runs import set_odd_runs_aside
 from pipeline.rigs.mre.shear.operating import Held
 from pipeline.rigs.mre.shear.parameters import (
@@ -36,6 +39,7 @@ from pipeline.rigs.mre.shear.published import published
 from pipeline.rigs.mre.shear.records import RecordFits, fit_all_records
 from pipeline.rigs.mre.shear.runs import sort_runs
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
+from pipeline.rigs.mre.shear.trend import order_of
 from pipeline.rigs.mre.shear.unsteady import say_faults_of_records
 from pipeline.rigs.mre.shear.untared_mass import weigh_mass
 from pipeline.rigs.mre.shear.verdict import judge
@@ -177,12 +181,24 @@ def _dynamic(runs: SortedRuns, options: FitOptions, settings: ShearSettings) -> 
     if not main:
         return outcome
     try:
-        found = identify_loops(main, options)
+        found, doubts = (_of_many if len(main) > MANY else _of_few)(main, options, runs, outcome)
     except ValueError as error:
         runs.say("warning", None, f"the dynamic model was not fitted: {error}.")
         return outcome
-    found, doubts = _with_mass(found, main, options, runs)
-    found, odd, pair = set_odd_runs_aside(found, main, options)
+    found = replace(found, selected=without_other_optima(found.selected))
+    if found.selected.rejected:
+        mains_instead(found.selected, main, options, settings.mains_frequency, runs)
+    outcome.found = found
+    outcome.doubts += doubts
+    return outcome
+
+
+def _of_few(
+    loops: list[Loop], options: FitOptions, runs: SortedRuns, outcome: _Dynamic
+) -> tuple[Identification, list[str]]:
+    """Fit all loops, then look for sets of runs that contradict the others; return the fit and what is doubtful."""
+    found, doubts = _with_mass(identify_loops(loops, options), loops, options, runs)
+    found, odd, pair = set_odd_runs_aside(found, loops, options)
     for run in odd:
         runs.set_aside(run.run, run.reason, "force")
     if pair:
@@ -191,13 +207,29 @@ def _dynamic(runs: SortedRuns, options: FitOptions, settings: ShearSettings) -> 
         outcome.doubts.append(said)
     if odd:
         left = {loop.run for loop in found.selected.loops}
-        found, doubts = _with_mass(found, [loop for loop in main if loop.run in left], options, runs)
-    found = replace(found, selected=without_other_optima(found.selected))
-    if found.selected.rejected:
-        mains_instead(found.selected, main, options, settings.mains_frequency, runs)
-    outcome.found = found
-    outcome.doubts += doubts
-    return outcome
+        found, doubts = _with_mass(found, [loop for loop in loops if loop.run in left], options, runs)
+    return found, doubts
+
+
+def _of_many(
+    loops: list[Loop], options: FitOptions, runs: SortedRuns, outcome: _Dynamic
+) -> tuple[Identification, list[str]]:
+    """Find the runs that contradict the others first, then fit the others in the order in which they were made."""
+    odd = odd_among(loops, options)
+    places, _ = order_of(runs.loops)
+    place = dict(zip((usable.run for usable in runs.loops), places, strict=True))
+    left = sorted((loop for loop in loops if loop.run not in odd.runs), key=lambda loop: place[loop.run])
+    found, doubts = _with_mass(identify_loops(left, options), left, options, runs)
+    aside = set(odd.runs)
+    for loop in loops:
+        if loop.run in aside:
+            reason = f"it contradicts the other runs: {told_causes(loop, found.selected)}"
+            runs.set_aside(loop.run, reason, "force")
+    if odd.conditions:
+        said = f"Most runs at these conditions contradict the others: {odd.conditions}. They are used all the same."
+        runs.say("warning", None, said, "force")
+        outcome.doubts.append(said)
+    return found, doubts
 
 
 def _contradiction(rivals: Sequence[str]) -> str:

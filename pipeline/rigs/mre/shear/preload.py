@@ -22,6 +22,8 @@ from pipeline.rigs.mre.shear.loop_metrics import loop_metrics
 # Force amplitudes that differ by less count as equal.
 _EQUAL_FORCE = 0.05
 _CURRENT_TOLERANCE = 0.25
+# So many repeats of one state tell how the model's numbers there follow its parameters.
+_REPEATS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,17 +161,20 @@ def _by_model(
         reason = "needs the dynamic model, which was not identified" if fit is None else "the dynamic model is rejected"
         return undetermined("k_static", reason, where), undetermined("stiffness_secant", reason, where)
     scatter, number = fit.run_scatter, math.sqrt(len(loops))
+    some = [loops[i] for i in sorted({round(at) for at in np.linspace(0, len(loops) - 1, min(len(loops), _REPEATS))})]
 
     def static_of(values: np.ndarray) -> float:
-        return float(np.mean([_own_terms(fit, loop, values)[0] for loop in loops]))
+        return float(np.mean([_own_terms(fit, loop, values)[0] for loop in some]))
 
-    value, sd, dof = fit.errors.through(static_of, fit.values)
-    own = float(np.mean([_own_terms(fit, loop, fit.values)[1] for loop in loops])) / number
+    _, sd, dof = fit.errors.through(static_of, fit.values)
+    terms = [_own_terms(fit, loop, fit.values) for loop in loops]
+    value = float(np.mean([stiffness for stiffness, _, _ in terms]))
+    own = float(np.mean([spread for _, spread, _ in terms])) / number
     gain = scatter * abs(secant.value or 0.0) / number
     static = estimate("k_static", value, math.sqrt(sd**2 + own**2 + gain**2), dof=min(dof, secant.dof), at=where)
 
     def ratio_of(values: np.ndarray) -> float:
-        return float(np.mean([_secant_ratio(fit, loop, values, equal) for loop in loops]))
+        return float(np.mean([_secant_ratio(fit, loop, values, equal) for loop in some]))
 
     ratio, ratio_sd, _ = fit.errors.through(ratio_of, fit.values)
     measured, measured_sd = float(secant.value or 0.0), float(secant.std_error or 0.0)

@@ -23,7 +23,7 @@ def say_trend(runs: SortedRuns, fit: DynamicFit) -> str:
     used = [by_name[loop.run] for loop in fit.loops if loop.run in by_name]
     if len(used) < _FEWEST or len(used) < len(fit.loops):
         return ""
-    place, order = _order(used)
+    place, order = order_of(used)
     if len(set(place)) < _FEWEST:
         return ""
     # An untared mass changes the force with frequency, in which order runs are often made: it is not taken for a trend.
@@ -40,7 +40,7 @@ def say_trend(runs: SortedRuns, fit: DynamicFit) -> str:
     return doubt
 
 
-def _order(used: Sequence[UsableRun]) -> tuple[np.ndarray, str]:
+def order_of(used: Sequence[UsableRun]) -> tuple[np.ndarray, str]:
     """Return the place of each run in the order in which they were made, and what tells it."""
     sequence = [usable.sequence for usable in used if usable.sequence is not None]
     if len(sequence) == len(used):
