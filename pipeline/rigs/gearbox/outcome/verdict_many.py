@@ -21,7 +21,7 @@ _ONE_EVENT = 3
 def over_campaign(said: Judgement, campaign: CampaignNumbers) -> None:
     """Say what drifts and steps over the campaign, and which runs are unlike the others."""
     drifts = [
-        number.change_text(change)
+        _change(number, change)
         for number in campaign.watched
         for change in number.course.changes
         if change.kind == "drift"
@@ -66,10 +66,22 @@ def _steps(said: Judgement, watched: Sequence[OverRuns]) -> None:
         else:
             events.append([one])
     for event in sorted(events, key=lambda event: (-len(event), event[0][0]))[:_STEPS]:
-        told = listing([number.change_text(change) for _, number, change in event], 9)
+        told = listing([_change(number, change) for _, number, change in event], 9)
         said.warn(f"With run {event[0][1].runs[event[0][0]]} step: {told}. Look what was changed before it.")
     if len(events) > _STEPS:
         said.warn(f"{counted(len(events) - _STEPS, 'more step')} over the campaign stand among the quality findings.")
+
+
+def _change(number: OverRuns, change: Change) -> str:
+    """Return a number and by how much it changes, to stand in a list."""
+    whole = 1.0 if number.share else 0.0 if number.grouped else abs(number.course.level)
+    sizes = (change.size, *change.ci95)
+    if whole:
+        size, low, high = (f"{100.0 * one / whole:+.2g}" for one in sizes)
+        return f"{number.what} by {size} % ({low} to {high} %)"
+    unit = "" if number.unit == "1" else f" {number.unit}"
+    size, low, high = (f"{one:+.3g}" for one in sizes)
+    return f"{number.what} by {size}{unit} ({low} to {high}{unit})"
 
 
 def by_kind(said: Judgement, left_out: Mapping[str, str], grave: Sequence[QualityFinding]) -> None:
