@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pipeline.errors import counted, listing
 from pipeline.findings import Findings
+from pipeline.rigs.gearbox.outcome.sections_many import is_many
 
 
 def methods(findings: Findings) -> Sequence[str]:
@@ -15,7 +16,21 @@ def methods(findings: Findings) -> Sequence[str]:
     paragraphs = [_stages(findings), _levels(findings), _map(), _load(), _friction(findings)]
     if not findings.arrays["vibration"].empty:
         paragraphs.append(_vibration())
+    if is_many(findings):
+        paragraphs.append(_many(findings))
     return paragraphs
+
+
+def _many(findings: Findings) -> str:
+    unlike = int((findings.arrays["runs"]["unlike"] != "").sum())
+    return (
+        "Torques, slope, inertia, efficiency and input speed of each run were held against those of the other runs of its speed by a robust "
+        "regression (Huber) on a level for each speed, drift and steps, limits being those of all runs and numbers together. "
+        f"{counted(unlike, 'run')} off by more than chance allows and by more than 1 %, or between two steps that were soon taken back, "
+        f"{'is' if unlike == 1 else 'are'} left out of what the runs share; the numbers of such a run alone stand. Errors of what the runs "
+        "share are widened by the scatter of blocks of neighbouring runs, so that what a day has in common does not average out. Tables by "
+        "speed tell the mean over the runs and the scatter between them."
+    )
 
 
 def _stages(findings: Findings) -> str:
@@ -48,7 +63,8 @@ def _levels(findings: Findings) -> str:
 
 def _map() -> str:
     return (
-        "The slope a of T_out = a (T_in - T_00) was fitted by total least squares to the brake's rise (locked, constant speed), to the start-up "
+        "The slope a of T_out = a (T_in - T_00) was fitted by total least squares to the brake's rise (locked, nearly constant speed: what its small "
+        "change leaves in the slope, 0.3 % standard, is added to the error of all runs together), to the start-up "
         "and to the steady levels, ripple over the shaft's angle taken out; runs were pooled by weight. T_0 = T_in - T_out/a in FOS, lock "
         "torque = peak T_in - T_0 (peak without ripple and without what the low-pass adds to its kink; T_0 at the speed at which the lock broke "
         "where its law over speed is known), slip torque = T_out/a with the output held."
