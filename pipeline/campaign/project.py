@@ -114,15 +114,15 @@ class Project:
         campaign = Campaign(name, self.root)
         if campaign.recipe.exists() or name in self.campaigns():
             raise InputError(f"there is a campaign '{name}' already (recipes/{name}.yaml); choose another name.")
+        path = self.root / "params.yaml"
+        if dataset:
+            yaml_text.add(path, "datasets", name, dataset)
+        yaml_text.add(path, "campaigns", name)
         campaign.logs.mkdir(parents=True, exist_ok=True)
         (campaign.logs / ".gitkeep").touch()
         campaign.recipe.parent.mkdir(exist_ok=True)
-        with whole_or_not(campaign.recipe) as path:
-            path.write_text(recipe_template(experiment, title or name), encoding="utf-8")
-        path = self.root / "params.yaml"
-        yaml_text.add(path, "campaigns", name)
-        if dataset:
-            yaml_text.add(path, "datasets", name, dataset)
+        with whole_or_not(campaign.recipe) as recipe:
+            recipe.write_text(recipe_template(experiment, title or name), encoding="utf-8")
         return campaign
 
 

@@ -108,6 +108,11 @@ def add(path: Path, key: str, name: str, value: str | None = None) -> None:
     """Add `name` to the list, or ``name: value`` to the mapping, that stands under `key` at the top of a YAML file.
 
     All else in the file, comments too, stays as it is; what is not there yet is made.
+
+    Raises
+    ------
+    InputError
+        If something else stands under `key`; names the line.
     """
     with path.open(encoding="utf-8-sig", newline="") as file:
         text = file.read()
@@ -121,6 +126,9 @@ def add(path: Path, key: str, name: str, value: str | None = None) -> None:
     if found is None:
         head = text if not text or text.endswith("\n") else text + end
         text = f"{head}{key}: {brackets[0]}{entry}{brackets[1]}{end}"
+    elif isinstance(found[1], MappingNode if value is None else SequenceNode):
+        expected = "a list of names" if value is None else f"'{name}: ...' lines"
+        raise InputError(f"{path} line {found[0].start_mark.line + 1}: '{key}' must be {expected}.")
     elif not isinstance(found[1], MappingNode | SequenceNode):  # nothing stands there yet
         at = found[0].end_mark.index + text[found[0].end_mark.index :].index(":") + 1
         text = f"{text[:at]} {brackets[0]}{entry}{brackets[1]}{text[at:]}"

@@ -62,9 +62,12 @@ def new(experiment: str, campaign: str, title: str, datasets: str) -> None:
                rigfit new mre.shear sample-c --datasets s3://lab-logs/sample-c
     """
     from pipeline.campaign.project import Project
+    from pipeline.campaign.remote.urls import is_url
     from pipeline.rigs.registry import experiment as find_experiment
 
     project = Project.around(Path.cwd())
+    if datasets and not is_url(datasets) and not (place := Path(datasets).expanduser()).is_absolute():
+        datasets = os.path.relpath(place, project.root)  # in params.yaml a path begins at the project's folder
     made = project.add(campaign, find_experiment(experiment), title, datasets)
     click.echo(f"{made.recipe.relative_to(project.root)}   says how channels are called in the logs")
     if datasets:

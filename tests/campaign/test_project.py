@@ -38,6 +38,51 @@ def test_a_campaign_is_added_to_the_list(project: Path, before: str, after: str)
     assert Project(project).campaigns()[-1] == "new"
 
 
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("datasets: {}  # elsewhere\n", 'datasets: {new: "s3://lab/new"}  # elsewhere\n'),
+        ("datasets:  # elsewhere\nuses: []\n", 'datasets: {new: "s3://lab/new"}  # elsewhere\nuses: []\n'),
+        ("datasets: {a: s3://lab/a}\n", 'datasets: {a: s3://lab/a, new: "s3://lab/new"}\n'),
+        (
+            "datasets: {\n  a: s3://lab/a  # first\n}\n",
+            'datasets: {\n  a: s3://lab/a  # first\n, new: "s3://lab/new"}\n',
+        ),
+        (
+            "datasets:\n  a: s3://lab/a  # first\n\n  # below\nuses: []\n",
+            'datasets:\n  a: s3://lab/a  # first\n  new: "s3://lab/new"\n\n  # below\nuses: []\n',
+        ),
+        ("datasets:\n    a: >-\n      s3://lab/\n      a\nuses: []\n", None),
+        ("datasets:\n  a: s3://lab/a", 'datasets:\n  a: s3://lab/a\n  new: "s3://lab/new"\n'),
+        (
+            "datasets:\r\n  a: s3://lab/a\r\nuses: []\r\n",
+            'datasets:\r\n  a: s3://lab/a\r\n  new: "s3://lab/new"\r\nuses: []\r\n',
+        ),
+        ("uses: []", 'uses: []\ndatasets: {new: "s3://lab/new"}\n'),
+    ],
+)
+def test_where_the_logs_of_a_campaign_lie_is_added_and_all_else_stays(
+    project: Path, before: str, after: str | None
+) -> None:
+    params = project / "params.yaml"
+    params.write_bytes(f"campaigns: []\n{before}".encode())
+    made = Project(project)
+    known = made.dataset("a") if "a: " in before else None
+    made.add("new", SPRING, "", "s3://lab/new")
+    text = params.read_bytes().decode()
+    assert after is None or text.replace("\r\n", "\n") == f"campaigns: [new]\n{after}".replace("\r\n", "\n")
+    assert made.dataset("new") == "s3://lab/new"
+    assert known is None or made.dataset("a") == known
+
+
+@pytest.mark.parametrize(("content", "line"), [("datasets: [a]\n", 2), ("\ndatasets:\n  - a\n", 3)])
+def test_a_list_where_a_mapping_belongs_is_told_with_its_line(project: Path, content: str, line: int) -> None:
+    (project / "params.yaml").write_text(f"campaigns: []\n{content}")
+    with pytest.raises(InputError, match=f"line {line}: 'datasets' must be 'new: ...' lines"):
+        Project(project).add("new", SPRING, "", "s3://lab/new")
+    assert Project(project).campaigns() == []
+
+
 def test_the_recipe_of_a_new_campaign_is_valid_and_explains_every_name(project: Path) -> None:
     campaign = Project(project).add("new", SPRING, 'Spring "7"')
     made = recipe.load(campaign.recipe)

@@ -276,10 +276,10 @@ def test_logs_that_may_not_be_read_are_named_and_the_others_come(
 ) -> None:
     get = Source.fetch
 
-    def refused(source: Source, log: RemoteLog, path: Path, sign: Callable[[], None]) -> None:
+    def refused(source: Source, log: RemoteLog, path: Path) -> None:
         if log.name.startswith("r1"):
             raise PermissionError(13, "Permission denied")
-        get(source, log, path, sign)
+        get(source, log, path)
 
     monkeypatch.setattr(Source, "fetch", refused)
     with pytest.raises(InputError, match=r"'r1.csv': there is no permission to read it .*Ask its owner"):
@@ -297,21 +297,23 @@ def test_notes_hold_no_secret(there: Path, here: Path) -> None:
 def test_who_does_not_answer_is_not_waited_for_for_ever() -> None:
     with pytest.raises(TimeoutError):
         within(lambda: time.sleep(30), 0.2)
-    stuck = [name for name, error in at_once(lambda _task, _sign: time.sleep(30), [1, 2, 3], 2, 0.2) if error]
+    stuck = [name for name, error in at_once(lambda _task: time.sleep(30), [1, 2, 3], 2, seconds=0.2) if error]
     assert sorted(stuck) == [1, 2, 3]
 
 
-def test_a_slow_transfer_that_gives_signs_is_waited_for() -> None:
-    def slow(_task: int, sign: Callable[[], None]) -> None:
+def test_a_slow_transfer_that_goes_on_is_waited_for() -> None:
+    came: list[int] = []
+
+    def slow(_task: int) -> None:
         for _ in range(12):
             time.sleep(0.1)
-            sign()
+            came.append(1)
 
-    assert [error for _, error in at_once(slow, [1, 2], 2, 0.8)] == [None, None]
+    assert [error for _, error in at_once(slow, [1, 2], 2, lambda: len(came), 0.8)] == [None, None]
 
 
 def test_what_a_task_raises_is_told_with_the_task() -> None:
-    def work(task: int, _sign: Callable[[], None]) -> None:
+    def work(task: int) -> None:
         if task == 2:
             raise ValueError("two")
 

@@ -172,6 +172,17 @@ def test_a_password_does_not_get_into_params(project: Path, rigfit: Call) -> Non
     assert not (project / "recipes" / "wire.yaml").exists()
 
 
+def test_a_path_begins_at_the_project_wherever_the_command_is_given(
+    project: Path, rigfit: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rigfit("synthesize", "spring.pull", "--out", project / "made")
+    (project / "recipes" / "deep").mkdir()
+    monkeypatch.chdir(project / "recipes" / "deep")
+    assert rigfit("new", "spring.pull", "wire", "--datasets", "../../made").status == 0
+    assert '{wire: "made"}' in (project / "params.yaml").read_text()
+    assert "2 logs fetched" in rigfit("fetch", "wire").out
+
+
 def test_an_unknown_campaign_is_told_with_the_nearest(project: Path, rigfit: Call) -> None:
     rigfit("new", "spring.pull", "wire")
     answer = rigfit("fetch", "wirre")

@@ -5,9 +5,12 @@ Threads are daemons: one that hangs in a library does not keep the program from 
 
 from __future__ import annotations
 
+import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from time import monotonic
 from typing import TypeVar
@@ -46,24 +49,24 @@ def within(function: Callable[[], Result], seconds: float = PATIENCE) -> Result:
 
 
 def at_once(
-    function: Callable[[Task, Callable[[], None]], None], tasks: Sequence[Task], threads: int, seconds: float = PATIENCE
+    function: Callable[[Task], None],
+    tasks: Sequence[Task],
+    threads: int,
+    arrived: Callable[[], int] = lambda: 0,
+    seconds: float = PATIENCE,
 ) -> Iterator[tuple[Task, Exception | None]]:
-    """Call ``function(task, sign)`` for each task in several threads; yield each task when it is done, or what it raised.
+    """Call ``function(task)`` for each task in several threads; yield each task when it is done, or what it raised.
 
     Parameters
     ----------
-    function
-        It calls ``sign()`` whenever something has come.
+    arrived
+        Returns how much is there of what is under way; what changes it is a sign that the other side is alive.
     seconds
         After so long without a sign or an end of any task, all that is left is given up with a TimeoutError for each.
         Tasks that are not begun when nobody asks for more are not begun any more.
     """
-    waiting, open_ = deque(enumerate(tasks)), dict.fromkeys(range(len(tasks)))
+    waiting, pending = deque(enumerate(tasks)), dict.fromkeys(range(len(tasks)))
     done: SimpleQueue[tuple[int, Exception | None]] = SimpleQueue()
-    last = [monotonic()]
-
-    def sign() -> None:
-        last[0] = monotonic()
 
     def work() -> None:
         while True:
@@ -72,25 +75,38 @@ def at_once(
             except IndexError:
                 return
             try:
-                function(task, sign)
+                function(task)
                 done.put((number, None))
             except Exception as error:
                 done.put((number, error))
 
     for _ in range(min(threads, len(tasks))):
         threading.Thread(target=work, daemon=True).start()
+    last, before = monotonic(), arrived()
     try:
-        while open_:
+        while pending:
             try:
-                number, error = done.get(timeout=0.5)
+                number, error = done.get(timeout=0.2)
             except Empty:
-                if monotonic() - last[0] < seconds:
+                if (now := arrived()) != before:
+                    last, before = monotonic(), now
+                if monotonic() - last < seconds:
                     continue
-                for number in open_:
+                for number in pending:
                     yield tasks[number], TimeoutError(f"nothing came for {seconds:g} s")
                 return
-            sign()
-            del open_[number]
+            del pending[number]
             yield tasks[number], error
+            last = monotonic()
     finally:
         waiting.clear()
+
+
+def size_of(folder: Path) -> int:
+    """Return how many bytes the files below a folder hold."""
+    total = 0
+    for above, _, names in os.walk(folder):
+        for name in names:
+            with suppress(OSError):  # it has just been moved
+                total += Path(above, name).stat().st_size
+    return total

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import monotonic
 
 from pipeline.campaign.remote import faults
-from pipeline.campaign.remote.at_once import at_once
+from pipeline.campaign.remote.at_once import at_once, size_of
 from pipeline.campaign.remote.local_names import local_names
 from pipeline.campaign.remote.named import Progress
 from pipeline.campaign.remote.source import RemoteLog, Source, refuse_overlap
@@ -78,11 +78,11 @@ def mirror(source: Source, folder: Path, progress: Progress) -> Mirrored:
     with _staging(folder) as staging, progress(len(wanted)) as step:
         places = {name: staging / str(number) for number, name in enumerate(wanted)}
 
-        def fetch(name: str, sign: Callable[[], None]) -> None:
-            source.fetch(here[name], places[name], sign)
+        def fetch(name: str) -> None:
+            source.fetch(here[name], places[name])
 
         try:
-            for name, error in at_once(fetch, wanted, source.threads):
+            for name, error in at_once(fetch, wanted, source.threads, lambda: size_of(staging)):
                 if error is not None:
                     failed[name] = faults.said(error, source.url, here[name].name)
                     if len(failed) >= _ENOUGH_FAILED:

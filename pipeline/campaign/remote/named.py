@@ -97,7 +97,7 @@ def named(words: Sequence[str], progress: Progress) -> Iterator[Named]:
 def _fetched(url: str, folder: Path, progress: Progress) -> dict[Path, str]:
     """Fetch the logs of one URL below `folder`; return whence each came."""
     from pipeline.campaign.remote import faults
-    from pipeline.campaign.remote.at_once import at_once
+    from pipeline.campaign.remote.at_once import at_once, size_of
     from pipeline.campaign.remote.local_names import local_names
     from pipeline.campaign.remote.source import RemoteLog, Source
 
@@ -111,11 +111,11 @@ def _fetched(url: str, folder: Path, progress: Progress) -> dict[Path, str]:
     for place in places.values():
         place.parent.mkdir(parents=True, exist_ok=True)
 
-    def fetch(log: RemoteLog, sign: Callable[[], None]) -> None:
-        source.fetch(log, places[log.name], sign)
+    def fetch(log: RemoteLog) -> None:
+        source.fetch(log, places[log.name])
 
     with progress(len(found)) as step:
-        for log, error in at_once(fetch, found, source.threads):
+        for log, error in at_once(fetch, found, source.threads, lambda: size_of(folder)):
             if error is not None:
                 raise faults.said(error, source.url, log.name)
             step(log.name)

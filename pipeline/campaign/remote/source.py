@@ -6,14 +6,13 @@ What is kept here of them, and what is fetched again, is in `mirror`.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pipeline.campaign.logs import is_log, is_needed
 from pipeline.campaign.remote import faults
-from pipeline.campaign.remote.at_once import at_once, within
+from pipeline.campaign.remote.at_once import PATIENCE, at_once, within
 from pipeline.campaign.remote.listing import below, is_web, mark_of, top_of
 from pipeline.campaign.remote.urls import protocols, shown
 from pipeline.errors import InputError
@@ -22,7 +21,7 @@ from pipeline.errors import InputError
 _AT_ONCE = 16
 _SHARED = {"file", "local", "memory"}
 # Seconds for the names of some hundred thousand logs, once the server has answered.
-_LONGEST_LISTING = 600.0
+_LONGEST = 600.0
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,8 @@ class Source:
             If the place cannot be listed, or holds no log.
         """
         try:
-            about = within(lambda: self._fs.info(top_of(self._root)))
-            found = within(lambda: below(self._fs, self._root, about), _LONGEST_LISTING)
+            about = within(lambda: self._fs.info(top_of(self._root)), _patience(self.url))
+            found = within(lambda: below(self._fs, self._root, about), _LONGEST)
             found = {name: about for name, about in found.items() if is_needed(PurePosixPath(name))}
             if is_web(self._fs):
                 self._ask_for_each(found)
@@ -106,8 +105,8 @@ class Source:
         slash = "" if first.endswith("/") else "/"
         return "::".join([f"{first}{slash}{log.name}", *rest])
 
-    def fetch(self, log: RemoteLog, path: Path, sign: Callable[[], None]) -> None:
-        """Write one log to `path`, calling `sign` whenever a part of it has come.
+    def fetch(self, log: RemoteLog, path: Path) -> None:
+        """Write one log to `path`.
 
         Raises
         ------
@@ -116,9 +115,7 @@ class Source:
         Exception
             Whatever the library of the file system raises; `faults.said` puts it into words.
         """
-        from fsspec.callbacks import Callback
-
-        self._fs.get_file(log.key, str(path), callback=Callback(hooks={"sign": lambda *_, **__: sign()}))
+        self._fs.get_file(log.key, str(path))
         if path.is_dir():  # a key that is the beginning of others as well is taken for a folder
             path.rmdir()
             with self._fs.open(log.key, "rb") as source, path.open("wb") as copy:
@@ -129,7 +126,7 @@ class Source:
     def _ask_for_each(self, found: dict[str, dict[str, Any]]) -> None:
         """Add to what a web page links to what the server tells of it."""
 
-        def ask(name: str, _sign: Callable[[], None]) -> None:
+        def ask(name: str) -> None:
             found[name] = {**self._fs.info(found[name]["name"]), "name": found[name]["name"]}
 
         for _, error in at_once(ask, [name for name, about in found.items() if "mimetype" not in about], self.threads):
@@ -151,10 +148,16 @@ def _opened(url: str) -> tuple[Any, str]:
         except ImportError as error:
             raise faults.missing_package(url, protocol, str(error)) from error
     try:
-        fs, root = within(lambda: fsspec.url_to_fs(url, **{protocol: _options(protocol) for protocol in links}))
+        options = {protocol: _options(protocol) for protocol in links}
+        fs, root = within(lambda: fsspec.url_to_fs(url, **options), _patience(url))
     except Exception as error:
         raise faults.said(error, url) from error
     return fs, str(root)
+
+
+def _patience(url: str) -> float:
+    """Return how many seconds the first answer may take; of an archive it may be at its end, with all of it to be read."""
+    return PATIENCE if len(protocols(url)) == 1 else _LONGEST
 
 
 def _options(protocol: str) -> dict[str, Any]:
