@@ -24,6 +24,7 @@ from pipeline.report.texts import room_over
 from pipeline.report.words import clean, text_width
 
 _MOST_COLUMNS = 4
+_MOST_PANELS = 60  # of one figure; more are the experiment's to sum up
 _WHOLE_ON_A_PAGE = 12  # panels; a larger figure may break between its rows in print
 
 
@@ -74,6 +75,7 @@ def figure_view(figure: Figure, number: int) -> FigureView:
     number
         Its number in the page; goes into the ids of the SVG.
     """
+    figure = _abridged(figure)
     columns = max(1, min(figure.columns, len(figure.panels), _MOST_COLUMNS))
     scales = _scales(figure)
     grids = []
@@ -91,6 +93,15 @@ def figure_view(figure: Figure, number: int) -> FigureView:
         number, figure.name, clean(figure.title), clean(figure.caption), _alt(figure), columns,
         key_markup(keys(figure, columns)), grids, len(figure.panels) > _WHOLE_ON_A_PAGE,
     )  # fmt: skip
+
+
+def _abridged(figure: Figure) -> Figure:
+    """Return the figure with as many panels as a reader and a page can bear, and a caption that says so."""
+    more = len(figure.panels) - _MOST_PANELS
+    if more <= 0:
+        return figure
+    caption = f"{figure.caption} The first {_MOST_PANELS} of {len(figure.panels)} panels are drawn."
+    return replace(figure, panels=figure.panels[:_MOST_PANELS], caption=caption.strip())
 
 
 def thumbnail(figure: Figure, owner: str, width: float = 240, height: float = 130) -> Markup:

@@ -54,7 +54,9 @@ def _row(what: Shown, unit: ReadingUnit, parameters: Sequence[Parameter], runs: 
     first, last = int(values.argmin()), int(values.argmax())
     numbers = [float(number) for number in (low, middle, high, values[first], values[last])]
     texts = alike(numbers) or [plain(number) for number in numbers]
-    ends = [Shown(text, str(known[place].at["run"]), "number") for text, place in zip(texts[3:], (first, last), strict=True)]
+    ends = [
+        Shown(text, str(known[place].at["run"]), "number") for text, place in zip(texts[3:], (first, last), strict=True)
+    ]
     span = Shown(f"{texts[0]} … {texts[2]}", kind="number")
     return [what, count, Shown(texts[1], kind="number"), span, *ends, Shown(unit.name)]
 
