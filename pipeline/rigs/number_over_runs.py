@@ -117,7 +117,8 @@ class OverRuns:
     def _told(self, size: float, whole: float | None, sign: str = "+") -> str:
         if whole is None:
             return f"{size:{sign}.3g} {unit_text(self.unit)}".rstrip()
-        return f"{100 * size / whole:{sign}#.2g}".rstrip(".") + " %"
+        percent = 100 * size / whole
+        return (f"{percent:{sign}.0f}" if abs(percent) >= 99.5 else f"{percent:{sign}#.2g}".rstrip(".")) + " %"
 
 
 def over_runs(
