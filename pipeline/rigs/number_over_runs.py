@@ -84,6 +84,11 @@ class OverRuns:
         verb = "is" if len(odd) == 1 else "are"
         return f"In {self.what} {counted(len(odd), 'run')} of {self._known} {verb} off the others: {', '.join(told)}{more}."
 
+    def odd_in_short(self) -> str:
+        """Name the runs that are off the others, and by how much; for where a table tells the rest."""
+        odd = [f"'{self.runs[one.place]}' ({self.off_text(one)})" for one in self.course.odd]
+        return f"Off the others in {self.what}: {listing(odd, _TOLD_ODD)}."
+
     def off_text(self, one: Odd) -> str:
         """Return by how much a run is off, with its sign."""
         whole = self._whole

@@ -47,7 +47,7 @@ MANY = 40  # from so many runs on, trends and runs that stand for others say mor
 
 _BARS_UP_TO = 120  # runs whose own limits are drawn
 _BLOCKS = 30  # of more runs, their means with limits
-_IN_VIEW = 8.0  # spreads; a run farther off is drawn at the edge, with its number
+_IN_VIEW = 6.0  # spreads; a run farther off is drawn at the edge, with its number
 _NAMED_ODD, _MOST_ODD_ROWS = 6, 50
 _MOST_DAYS = 12
 _DAY = 86400.0
@@ -73,9 +73,7 @@ def trend_panel(found: OverRuns, title: str = "") -> Panel:
     spread = told.spread[at] if known.size <= _BARS_UP_TO else np.full(at.size, float(np.median(told.spread[known])))
     marks: list[Mark] = [
         Band(x[at], *_about(expected[at], t_quantile(known.size - 1) * spread), "reference", "95 of 100 runs"),
-        Band(
-            x[at], *_about(expected[at], t_quantile(told.dof) * told.std_error[at]), "model", "95 % of what is expected"
-        ),
+        Band(x[at], *_about(expected[at], t_quantile(told.dof) * told.std_error[at]), "model", "95 % of the line"),
     ]
     bars = known.size <= _BARS_UP_TO and bool(np.isfinite(half).any())
     low, high = _about(y, half)
@@ -93,7 +91,7 @@ def trend_panel(found: OverRuns, title: str = "") -> Panel:
         marks.append(Points(x[odd], shown, "fault", "off the others", texts=texts))
     marks += [Rule(x=float(x[first]) - 0.5, role="fault", label="step") for first in _steps(told)]
     marks += [Rule(x=at, label=day) for at, day in _days(found.begins)]
-    heading = f"{found.what} beside the level of its group" if found.grouped else found.what
+    heading = f"{found.what} less its group's level" if found.grouped else found.what
     return Panel(
         marks, Axis(f"run, {found.order}", whole=True), Axis(heading, "%" if found.share else found.unit), title
     )
@@ -130,7 +128,8 @@ def trend_figure(numbers: Sequence[OverRuns], name: str, title: str, caption: st
 
     `caption` asks the question; what changes and which runs are odd is said after it.
     """
-    told = [sentence for number in numbers for sentence in number.sentences()]
+    told = [number.change_sentence(change) for number in numbers for change in number.course.changes]
+    told += [number.odd_in_short() for number in numbers if number.course.odd]
     calm = [number.what for number in numbers if not number.sentences()]
     if calm:
         told.append(f"No change and no odd run that chance would not bring about: {listing(calm)}.")
@@ -155,7 +154,7 @@ def distribution_panel(found: OverRuns, title: str = "") -> Panel:
     count, edges = _histogram(off)
     middle = (edges[:-1] + edges[1:]) / 2
     bars = Stems(middle, count.astype(float), "measured", "", width=float(0.94 * (edges[1] - edges[0])))
-    axis = Axis(f"{found.what} beside what is expected of the run", "%" if found.share else found.unit)
+    axis = Axis(f"{found.what} less what is expected of the run", "%" if found.share else found.unit)
     return Panel([bars, Rule(x=0.0)], axis, Axis("runs", whole=True), title)
 
 
