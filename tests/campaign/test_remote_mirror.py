@@ -220,6 +220,7 @@ def test_one_log_and_a_pattern_are_places_too(there: Path, here: Path) -> None:
     [
         ("s4://bucket/x", ["'s4://' is no file system that is known", "s3://"]),
         ("memori://x", ["Did you mean 'memory'?"]),
+        ("s3:/bucket/x", ["a URL begins with 's3://' where this has 's3:/'"]),
         ("gs://bucket/x", ["takes a package that is not installed", "gcsfs"]),
         ("file:///nowhere/at/all", ["file:///nowhere/at/all: there is nothing of this name"]),
         ("memory://rigfit-nothing", ["there is nothing of this name", "capitals too"]),

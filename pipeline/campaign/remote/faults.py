@@ -23,10 +23,9 @@ _NO_CREDENTIALS = {
     "SSOTokenLoadError",
     "UnauthorizedSSOTokenError",
     "DefaultCredentialsError",
-    "ClientAuthenticationError",
-    "AuthenticationException",
 }
-_WRONG_CREDENTIALS = {"InvalidAccessKeyId", "SignatureDoesNotMatch", "ExpiredToken", "InvalidToken", "401"}
+_WRONG_CREDENTIALS = {"InvalidAccessKeyId", "SignatureDoesNotMatch", "ExpiredToken", "InvalidToken", "401", "530"}
+_REFUSED = {"ClientAuthenticationError", "AuthenticationException", "BadAuthenticationType"}
 _DENIED = {"AccessDenied", "AllAccessDisabled", "403"}
 _NOTHING = "there is nothing of this name"
 _S3 = {"s3", "s3a"}
@@ -39,6 +38,14 @@ def unknown_protocol(url: str, protocol: str, known: list[str]) -> InputError:
     return InputError(
         f"{shown(url)}: '{protocol}://' is no file system that is known here.{nearest(protocol, known)} Expected is "
         f"{listing(f'{name}://' for name in common)} or another of fsspec: {listing(sorted(set(known) - set(common)), 60)}."
+    )
+
+
+def no_path(url: str, found: str, expected: str) -> InputError:
+    """Return what to say of what would be a URL with the right number of slashes."""
+    return InputError(
+        f"{shown(url)}: there is no such file or folder, and a URL begins with '{expected}' where this has '{found}'; write "
+        "the one or the other."
     )
 
 
@@ -96,9 +103,9 @@ def _found(chain: list[BaseException], protocol: str) -> tuple[str, str]:
     def is_a(*classes: type[BaseException]) -> bool:
         return any(isinstance(one, classes) for one in chain)
 
-    if names & _NO_CREDENTIALS:
+    if names & _NO_CREDENTIALS or any("No authentication methods available" in str(one) for one in chain):
         return "cannot be read without credentials, and none (or not all) were found", _give_credentials(protocol)
-    if codes & _WRONG_CREDENTIALS:
+    if codes & _WRONG_CREDENTIALS or names & _REFUSED:
         return (
             "the credentials are refused",
             f"Check them, and whether they have expired. {_give_credentials(protocol)}",
@@ -116,16 +123,19 @@ def _found(chain: list[BaseException], protocol: str) -> tuple[str, str]:
         )
     if is_a(TimeoutError, socket.timeout) or any("Timeout" in name for name in names):
         return "does not answer in time", f"Check the network, and that the server is well. {_where(protocol)}"
-    unreached = {"EndpointConnectionError", "ClientConnectorError", "ServerDisconnectedError", "HTTPClientError"}
+    unreached = {
+        *("EndpointConnectionError", "ClientConnectorError", "ServerDisconnectedError", "HTTPClientError"),
+        "NoValidConnectionsError",
+    }
     if is_a(ConnectionError, socket.gaierror) or names & unreached:
         return "cannot be reached", f"Check the host's name, the network and that the server runs. {_where(protocol)}"
     no_bucket = any("bucket does not exist" in str(one) for one in chain)
-    if no_bucket or "HeadBucket" in {getattr(one, "operation_name", "") for one in chain}:
+    if no_bucket or ("404" in codes and "HeadBucket" in {getattr(one, "operation_name", "") for one in chain}):
         return (
             "there is no such bucket",
             "Check its name, and that the credentials are of the account (and server) that has it.",
         )
-    if is_a(FileNotFoundError, NotADirectoryError) or codes & {"404", "NoSuchKey"}:
+    if is_a(FileNotFoundError, NotADirectoryError) or codes & {"404", "550", "NoSuchKey"}:
         return _NOTHING, "Check the spelling of the URL, capitals too."
     if any(code.startswith("5") and len(code) == 3 for code in codes):
         return "the server has an error of its own", "Try again later, or ask who runs it."
@@ -164,11 +174,13 @@ def _chain(error: BaseException | None) -> Iterator[BaseException]:
 
 
 def _codes(error: BaseException) -> Iterator[str]:
-    """Yield the codes that an error bears: of S3, of HTTP."""
+    """Yield the codes that an error bears: of S3, of HTTP, of FTP."""
     response = getattr(error, "response", None)
     if isinstance(response, dict):
         yield str(response.get("Error", {}).get("Code", ""))
         yield str(response.get("ResponseMetadata", {}).get("HTTPStatusCode", ""))
+    if type(error).__name__ == "error_perm":
+        yield str(error)[:3]
     for attribute in ("status", "status_code"):
         if isinstance(code := getattr(error, attribute, None), int):
             yield str(code)

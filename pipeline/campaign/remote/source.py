@@ -5,6 +5,7 @@ What is kept here of them, and what is fetched again, is in `mirror`.
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -57,7 +58,10 @@ class Source:
         self.url, self.shown = url, shown(url)
         *links, last = url.split("::")
         if "://" not in last:
-            last = str((base / Path(last).expanduser()).resolve())
+            path = (base / Path(last).expanduser()).resolve()
+            if (slip := re.match(r"([a-z][a-z0-9]*):/*", last)) and not path.exists():
+                raise faults.no_path(url, slip[0], f"{slip[1]}://")
+            last = str(path)
         self._fs, self._root = _opened("::".join([*links, last]))
 
     @property
@@ -97,7 +101,7 @@ class Source:
         if is_web(self._fs) and not rest:
             return shown(log.key)
         if "*" in first:
-            first = top_of(first)
+            first = first[: first.rindex("/", 0, first.index("*")) + 1]
         elif log.key.rstrip("/") == self._root.rstrip("/"):
             return self.shown
         elif "://" not in first and rest:
