@@ -76,6 +76,7 @@ def ingest(
     tasks: dict[str, _Task] = {}
     kept: dict[str, dict[str, Any]] = {}
     heads: dict[str, Head] = {}
+    versions = {reader.named for reader in readers()}
     for entry in wanted:
         try:
             task = _task(recipe, entry, table, base, seen)
@@ -83,7 +84,8 @@ def ingest(
             failed[entry.run] = _with_paths_as_shown(str(error), _shown(entry, base), entry.files)
             continue
         known = before.get(entry.run)
-        if known and known["key"] == task.key and not damaged(folder, known["files"], seen.sha256):
+        as_now = known and known["key"] == task.key and versions.issuperset(known["readers"])
+        if as_now and not damaged(folder, known["files"], seen.sha256):
             kept[entry.run] = known
             progress(entry.run)
         else:
@@ -93,8 +95,8 @@ def ingest(
         if isinstance(outcome, str):
             failed[run] = outcome
         else:
-            files, heads[run] = outcome
-            kept[run] = {"key": tasks[run].key, "files": files}
+            heads[run] = outcome.head
+            kept[run] = {"key": tasks[run].key, "readers": outcome.readers, "files": outcome.files}
         progress(run)
     failed = {entry.run: failed[entry.run] for entry in wanted if entry.run in failed}
     if not kept:
@@ -121,7 +123,7 @@ def ingest(
 
 @dataclass(frozen=True)
 class _Task:
-    """One run to read, with all that its recording depends on; `key` is the hash of that."""
+    """One run to read, with all that its recording depends on but its readers' versions; `key` is the hash of that."""
 
     run: str
     files: tuple[tuple[str, Path], ...]
@@ -136,7 +138,7 @@ def _task(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Path, 
     shown = _shown(entry, base)
     own = table.only(entry.run, [path.name for _, path in entry.files]) if table else None
     depends = {
-        "version": [__version__, VERSION, *(f"{reader.name}-{reader.version}" for reader in readers())],
+        "version": [__version__, VERSION],
         "files": [[stream, shown[stream], seen.sha256(path)] for stream, path in entry.files],
         "experiment": [recipe.experiment.id, repr(recipe.experiment.channels), repr(recipe.experiment.conditions)],
         "channels": {name: asdict(channel) for name, channel in recipe.channels.items()},
@@ -147,8 +149,17 @@ def _task(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Path, 
     return _Task(entry.run, files, shown, recipe, own, key)
 
 
-def _read_one(task: _Task, folder: Path) -> tuple[str, tuple[dict[str, str], Head] | str]:
-    """Read one run; return its files with their hashes and what it begins with, or why it cannot be read."""
+@dataclass(frozen=True)
+class _Read:
+    """A run that was read: its files with their hashes, who read the logs, what the recording begins with."""
+
+    files: dict[str, str]
+    readers: list[str]
+    head: Head
+
+
+def _read_one(task: _Task, folder: Path) -> tuple[str, _Read | str]:
+    """Read one run, or say why it cannot be read."""
     try:
         logs, notes = open_run(task.files, task.shown)
         names = [log.path.name for _, log in logs]
@@ -167,7 +178,9 @@ def _read_one(task: _Task, folder: Path) -> tuple[str, tuple[dict[str, str], Hea
         )
     except InputError as error:
         return task.run, _with_paths_as_shown(str(error), task.shown, task.files)
-    return task.run, ({path.name: sha256_of(path) for path in paths}, Head.of(read(paths, lazily=True)))
+    recording = read(paths, lazily=True)
+    by = sorted({source.reader for source in recording.provenance.files})
+    return task.run, _Read({path.name: sha256_of(path) for path in paths}, by, Head.of(recording))
 
 
 def _repeats(

@@ -111,5 +111,5 @@ def manifest(folder: Path) -> dict[str, Any]:
         return {}
     if not isinstance(content, dict) or not {"runs", "left_out", "quality"} <= content.keys():
         return {}
-    as_now = all(isinstance(entry.get("files"), dict) and "key" in entry for entry in content["runs"].values())
+    as_now = all({"key", "readers", "files"} <= entry.keys() for entry in content["runs"].values())
     return content if as_now else {}

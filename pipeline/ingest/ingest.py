@@ -217,7 +217,7 @@ def _source_file(
             units.update({channel.name: channel.taken_as for channel in one.selection.channels if channel.unit})
     reader = reader_for(path)
     name = (shown or {}).get(stream, path.name)
-    return SourceFile(name, digest, path.stat().st_size, f"{reader.name} {reader.version}", units)
+    return SourceFile(name, digest, path.stat().st_size, reader.named, units)
 
 
 def _named(selections: Sequence[Selection]) -> list[Selection]:

@@ -101,6 +101,11 @@ class Reader(ABC):
     version: ClassVar[int] = 1
     suffixes: ClassVar[tuple[str, ...]]
 
+    @property
+    def named(self) -> str:
+        """Name and version, as the provenance says them."""
+        return f"{self.name} {self.version}"
+
     @abstractmethod
     def recognises(self, head: bytes, suffix: str) -> bool:
         """Tell from the first 64 KiB whether this is the format; `suffix` (lower case) only helps."""

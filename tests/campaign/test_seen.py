@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -12,6 +13,7 @@ from pipeline.campaign import ingest_stage, ingested, logs
 from pipeline.campaign import seen as seen_module
 from pipeline.campaign.recipe import Recipe
 from pipeline.campaign.seen import Seen
+from pipeline.ingest.registry import reader_for
 from pipeline.recording.storage import sha256_of
 from pipeline.rigs.registry import experiment
 
@@ -173,3 +175,20 @@ def test_an_identification_that_finds_a_damaged_recording_makes_the_next_ingest_
     ingest(folder)  # sets the times back, as a file system that lost a bit would have left them
     assert reads.runs == ["r5"]
     assert path.read_bytes() == content
+
+
+def test_a_newer_reader_reads_its_logs_again_and_no_others(
+    folder: Path, reads: Reads, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with h5py.File(folder / "logs" / "r12.h5", "w") as file:
+        for name, unit, scale in (("time", "s", 0.01), ("extension", "m", 1e-4), ("force", "N", 0.02)):
+            file[name] = scale * np.arange(60.0)
+            file[name].attrs["unit"] = unit
+        file.attrs["wire_diameter"] = "1 mm"
+    assert "r12" in ingest(folder).files
+    ingest(folder)
+    reads.clear()
+    hdf5 = reader_for(folder / "logs" / "r12.h5")
+    monkeypatch.setattr(type(hdf5), "version", hdf5.version + 1)
+    ingest(folder)
+    assert reads.runs == ["r12"]
