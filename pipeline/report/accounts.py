@@ -22,6 +22,7 @@ from pipeline.rigs.experiment import Experiment
 LEVELS = ("error", "warning", "note")
 _AGREES = {True: Status.agrees, False: Status.contradicts, None: Status.not_checkable}
 _HASH_DIGITS = 12
+_EXTRACT = 60  # rows that stand for a table too long to be shown, the gravest first
 
 
 def models_table(models: Sequence[ModelResult]) -> TableView:
@@ -95,7 +96,8 @@ def _agreement(entry: Published) -> int:
 def _pairs_view(name: str, title: str, caption: str, beside: str, rows: Sequence[Sequence[Shown]]) -> TableView:
     heads = [Head("Quantity"), Head("Published", number=True), Head(beside, number=True), Head("Unit"),
              Head("Agreement"), Head("Remark")]  # fmt: skip
-    return TableView(name, title, caption, heads, rows[:MOST_ROWS], max(len(rows) - MOST_ROWS, 0))
+    shown = rows if len(rows) <= MOST_ROWS else rows[:_EXTRACT]
+    return TableView(name, title, caption, heads, shown, len(rows) - len(shown))
 
 
 def _pairs(published: Sequence[Published]) -> list[list[Shown]]:
@@ -185,8 +187,11 @@ def runs_tables(runs: Sequence[Run], experiment: Experiment) -> tuple[list[Table
     ]  # fmt: skip
     constant = "; ".join(_condition(runs[0], name, experiment) for name in same)
     sentence = f"The same in all runs: {constant.rstrip('.')}." if constant else ""
-    glance = [conditions_table(runs, differ, experiment), left_out_table(runs)] if len(runs) > MOST_ROWS else []
-    return [*(view for view in glance if view), table_view(Table("runs", "Runs", "", columns, rows))], sentence
+    table = Table("runs", "Runs", "", columns, rows)
+    if len(runs) <= MOST_ROWS:
+        return [table_view(table)], sentence
+    glance = [conditions_table(runs, differ, experiment), left_out_table(runs), table_view(table, _EXTRACT)]
+    return [view for view in glance if view], sentence
 
 
 def _condition(run: Run, name: str, experiment: Experiment) -> str:

@@ -149,7 +149,7 @@ def test_runs_left_out_and_conditions_are_told_at_a_glance(many: Findings, exper
     assert told_["coil current"] == "0 A (250); 2 A (250); 4 A (250); 6 A (250)"
     assert told_["frequency"] == "2 … 51 Hz; median 26.5 Hz; 50 values"
     assert [(row[0].text, row[1].text) for row in left_out.rows] == [("the force is clipped at 3 … 963 N", "25")]
-    assert runs.left_out == 800
+    assert runs.left_out == 940
     assert "operator A. B." in same
 
 
