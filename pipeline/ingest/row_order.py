@@ -6,10 +6,19 @@ They are told from rows with wrong stamps by what sorting yields: steady times h
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 
 from pipeline.ingest.blocks import Block, rows_of
+
+
+class Rows(Protocol):
+    """A number of each row of a log, in memory or not; asked for a part at a time."""
+
+    def __getitem__(self, rows: slice, /) -> np.ndarray:
+        """Return those of some rows."""
+
 
 # A row is moved by at most so many rows, and by at most this part of the log.
 _REACH, _PART = 1000, 0.1
@@ -35,19 +44,22 @@ def sorted_rows(time: np.ndarray) -> np.ndarray | None:
     return order if even.all() else None
 
 
-def reordered(blocks: Iterator[Block], order: np.ndarray) -> Iterator[Block]:
+def reordered(blocks: Iterator[Block], order: Rows) -> Iterator[Block]:
     """Yield the rows of blocks in `order` (n,); what is held back is no more than rows are moved by."""
-    complete = np.maximum.accumulate(order)  # the last row of the file that the first rows need
     held: Block = {}
+    gone = np.zeros(0, dtype=bool)  # which of the rows held were given
     begin = given = seen = 0
     for block in blocks:
         held = {name: np.concatenate((held[name], values)) for name, values in block.items()} if held else dict(block)
+        gone = np.concatenate((gone, np.zeros(rows_of(block), dtype=bool)))
         seen += rows_of(block)
-        stop = int(np.searchsorted(complete, seen))
-        rows = order[given:stop] - begin
+        ahead = order[given:seen]
+        # Only rows of the file that were read, with all that come before them.
+        rows = ahead[: int(np.searchsorted(np.maximum.accumulate(ahead), seen))] - begin
         if rows.size:
             yield {name: values[rows] for name, values in held.items()}
-        given = stop
-        keep = int(order[given:].min()) if given < order.size else seen
-        held = {name: values[keep - begin :] for name, values in held.items()}
-        begin = keep
+        given += rows.size
+        gone[rows] = True
+        keep = gone.size if gone.all() else int(np.argmin(gone))
+        held, gone = {name: values[keep:] for name, values in held.items()}, gone[keep:]
+        begin += keep

@@ -1,7 +1,7 @@
 """Repair of time stamps that do not increase: out of order, repeated, coarse, backward, wrapped, started again.
 
-Works on all stamps of a table at once (8 bytes a row); sound logs, which are most, never come here.
-Every change is a finding that goes into the provenance.
+Works on stamps that are held at once: those of a short log, or a part of a long one (`stamp_windows`). Sound logs, which
+are most, never come here. Every change is a finding that goes into the provenance.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.errors import InputError, counted
-from pipeline.ingest.row_order import sorted_rows
+from pipeline.ingest.row_order import Rows, sorted_rows
+from pipeline.ingest.stamp_changes import Change, CoarseSpread, Other, RepeatsDropped, RowsDropped, RowsSorted
 from pipeline.recording import QualityFinding
 
 # At most this part of the steps may lead backward, and at most this part of the rows may be lost to that.
@@ -33,11 +34,13 @@ class Repair:
     """The stamps of all rows, shape (n,), in the log's unit: strictly increasing, NaN for rows to drop.
 
     `order` (n,) are the rows of the file in the order in which these stamps are theirs; None for that of the file.
+    `changes` are what `findings` say.
     """
 
-    stamps: np.ndarray
-    order: np.ndarray | None = None
+    stamps: Rows
+    order: Rows | None = None
     findings: list[QualityFinding] = field(default_factory=list)
+    changes: list[Change] = field(default_factory=list)
 
 
 Place = Callable[[int], str]
@@ -69,8 +72,8 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str, place: Pla
     """
     rows = np.flatnonzero(np.isfinite(stamps))
     time = stamps[rows]
-    findings: list[QualityFinding] = []
-    time = _unwrapped(time, rows, where, place, findings)
+    changes: list[Change] = []
+    time = _unwrapped(time, rows, where, place, changes)
     steps = np.diff(time)
     if time.size > 1 and not steps.any():
         raise InputError(
@@ -80,32 +83,28 @@ def repair(stamps: np.ndarray, copies: np.ndarray | None, where: str, place: Pla
     backward = np.flatnonzero(steps < 0)
     order = None
     if backward.size and (by_time := sorted_rows(time)) is not None:
-        findings.append(_said_sorted(time, by_time, backward, rows, where, place))
+        changes.append(_rows_sorted(time, by_time, backward, rows, place))
         order = np.arange(stamps.size)
         order[rows] = rows[by_time]
         time, copies = time[by_time], None
     elif backward.size:
         _refuse_if_mostly_backward(time, backward, rows, where, place)
         stay = _increasing(time)
-        findings.append(_said_backward(time, stay, backward, rows, where, place))
+        changes.append(_rows_dropped(time, stay, backward, rows, where, place))
         time, rows = time[stay], rows[stay]
     repeated = np.diff(time) == 0
     if repeated.any():
         part = float(repeated.mean())
         if part < _COARSE or time.size < _SEVERAL or _are_copies(rows, repeated, copies):
-            findings.append(_said_repeated(time, repeated, rows, where, place))
+            changes.append(_repeats_dropped(time, repeated, rows, place))
             stay = np.append(True, ~repeated)
             time, rows = time[stay], rows[stay]
         else:
-            message = (
-                f"{where}: time stamps are coarse, {1.0 / (1.0 - part):.3g} rows share one on average; the samples are "
-                "spread evenly between the stamps."
-            )
-            findings.append(QualityFinding("warning", message))
+            changes.append(CoarseSpread(int(repeated.sum()), repeated.size))
             time = _spread(time)
     mended = np.full(stamps.size, np.nan)
     mended[rows] = time
-    return Repair(mended, order, findings)
+    return Repair(mended, order, [change.told(where) for change in changes], changes)
 
 
 def rows_per_stamp(quality: Iterable[QualityFinding]) -> float:
@@ -114,35 +113,22 @@ def rows_per_stamp(quality: Iterable[QualityFinding]) -> float:
     return max(shared, default=1.0)
 
 
-def _said_repeated(
-    time: np.ndarray, repeated: np.ndarray, rows: np.ndarray, where: str, place: Place
-) -> QualityFinding:
-    part, first = float(repeated.mean()), int(np.argmax(repeated))
-    return QualityFinding(
-        "note" if part <= 1e-3 else "warning",
-        f"{where}: {counted(int(repeated.sum()), 'row')} with the time of the row before (repeated stamps, "
-        f"{100 * part:.2g} %, first {place(int(rows[first + 1]))} at {time[first]:.9g}), dropped.",
-    )
+def _repeats_dropped(time: np.ndarray, repeated: np.ndarray, rows: np.ndarray, place: Place) -> RepeatsDropped:
+    first = int(np.argmax(repeated))
+    return RepeatsDropped(int(repeated.sum()), repeated.size, float(time[first]), place(int(rows[first + 1])))
 
 
-def _said_sorted(
-    time: np.ndarray, order: np.ndarray, backward: np.ndarray, rows: np.ndarray, where: str, place: Place
-) -> QualityFinding:
+def _rows_sorted(
+    time: np.ndarray, order: np.ndarray, backward: np.ndarray, rows: np.ndarray, place: Place
+) -> RowsSorted:
     moved = np.flatnonzero(order != np.arange(order.size))
     furthest = int(np.abs(order - np.arange(order.size)).max())
     late = float((np.maximum.accumulate(time) - time).max())
     at = int(backward[0])
-    return QualityFinding(
-        "note",
-        f"{where}: rows stand out of order, first from {time[at]:.9g} to {time[at + 1]:.9g} in "
-        f"{place(int(rows[at + 1]))}; {counted(moved.size, 'row')} sorted by time, moved by up to "
-        f"{counted(furthest, 'row')} ({late:.4g}). Sorted, they are as evenly spaced as the others; none is lost.",
-    )
+    return RowsSorted(moved.size, furthest, late, (float(time[at]), float(time[at + 1])), place(int(rows[at + 1])))
 
 
-def _unwrapped(
-    time: np.ndarray, rows: np.ndarray, where: str, place: Place, findings: list[QualityFinding]
-) -> np.ndarray:
+def _unwrapped(time: np.ndarray, rows: np.ndarray, where: str, place: Place, changes: list[Change]) -> np.ndarray:
     """Add what a counter of a fixed number of bits lost when it wrapped."""
     steps = np.diff(time)
     back = np.flatnonzero(steps < 0)
@@ -153,13 +139,11 @@ def _unwrapped(
         if time.max() < wrap and (np.abs(steps[back] + wrap - usual) <= max(2 * usual, 2.0)).all():
             added = np.zeros(time.size)
             added[back + 1] = wrap
-            findings.append(
-                QualityFinding(
-                    "note",
-                    f"{where}: the time counter wrapped {counted(back.size, 'time')} at {wrap:.0f}, first in "
-                    f"{place(int(rows[back[0] + 1]))}; the time is continued.",
-                )
+            message = (
+                f"{where}: the time counter wrapped {counted(back.size, 'time')} at {wrap:.0f}, first in "
+                f"{place(int(rows[back[0] + 1]))}; the time is continued."
             )
+            changes.append(Other(QualityFinding("note", message)))
             unwrapped: np.ndarray = time + np.cumsum(added)
             return unwrapped
     return time
@@ -233,38 +217,29 @@ def _rows_after(
     return count, whole, []
 
 
-def _said_backward(
+def _rows_dropped(
     time: np.ndarray, stay: np.ndarray, backward: np.ndarray, rows: np.ndarray, where: str, place: Place
-) -> QualityFinding:
-    """Say what was dropped; refuse where that is most of the log."""
+) -> Change:
+    """Return what was dropped; refuse where that is most of the log."""
     lost = int((~stay).sum())
     part = lost / time.size
     at = int(backward[0])
-    times = "" if backward.size == 1 else f"{backward.size} times, first "
-    step = f"{times}from {time[at]:.9g} to {time[at + 1]:.9g} in {place(int(rows[at + 1]))}"
-    if lost > 1 and time[~stay].min() > time[stay][0] and np.isin(time[~stay], time[stay]).all():
-        return QualityFinding(
-            "warning",
-            f"{where}: {counted(lost, 'row')} bear times that were logged before, {step}: a block was written twice; it is "
-            "counted once.",
-        )
-    if part <= _FEW or lost <= 1:
-        return QualityFinding(
-            "warning",
-            f"{where}: time steps backward {step}; {counted(lost, 'row')} dropped for it.",
-        )
+    again = bool(time[~stay].min() > time[stay][0] and np.isin(time[~stay], time[stay]).all())
+    dropped = RowsDropped(backward.size, lost, (float(time[at]), float(time[at + 1])), place(int(rows[at + 1])), again)
+    if part <= _FEW or lost <= 1 or again:
+        return dropped
     if part > 0.5:
         raise InputError(
-            f"{where}: time starts again {step}; no part of the log holds half of its rows. It looks like "
+            f"{where}: time starts again {dropped.step}; no part of the log holds half of its rows. It looks like "
             "several runs in one file: split it there, one file a run."
         )
     left = np.flatnonzero(stay)
-    return QualityFinding(
-        "warning",
-        f"{where}: time starts again {step}. The longest increasing part is kept ("
+    message = (
+        f"{where}: time starts again {dropped.step}. The longest increasing part is kept ("
         f"{place(int(rows[left[0]]))} to {place(int(rows[left[-1]]))}); {lost} of {time.size} rows ({100 * part:.3g} %) are dropped. "
-        "If the log holds two runs, split it.",
+        "If the log holds two runs, split it."
     )
+    return Other(QualityFinding("warning", message))
 
 
 def _are_copies(rows: np.ndarray, repeated: np.ndarray, copies: np.ndarray | None) -> bool:

@@ -21,7 +21,8 @@ from pipeline.ingest.mapping import Selection
 from pipeline.ingest.quality.sampling import Sampling
 from pipeline.ingest.row_order import reordered
 from pipeline.ingest.sentinels import SentinelWatch
-from pipeline.ingest.stamps import Repair, repair
+from pipeline.ingest.stamp_windows import repair_long
+from pipeline.ingest.stamps import Repair
 from pipeline.ingest.timebase import stated_rate
 from pipeline.recording import QualityFinding
 
@@ -233,17 +234,20 @@ class StreamInSI:
         """Read the stamps alone, and what tells rows logged twice from rows with coarse stamps."""
         table, name = self.selection.source.table, self.time.channel
         assert name is not None  # counted samples are in order
-        stamps = np.concatenate([np.asarray(block[name], dtype=np.float64) for block in table.blocks([name])])
         where = f"{self.clock.where}, channel '{name}'"
+
+        def again() -> Iterator[np.ndarray]:
+            return (np.asarray(block[name], dtype=np.float64) for block in table.blocks([name]))
+
         if any(channel.lists_entries for channel in self.selection.channels):
-            return listed(stamps, self.clock.seconds_per_unit, where)
+            return listed(np.concatenate(list(again())), self.clock.seconds_per_unit, where)
         first = next(self._again(), {})
         others = [first[other] for other in self._names if other != name and other in first]
         copies = None
         if others:
             same = np.logical_and.reduce([_same_as_before(values) for values in others])
             copies = np.concatenate(([False], same))
-        return repair(stamps, copies, where, table.place_of)
+        return repair_long(again, copies, where, table.place_of)
 
     def _say(self, timeless: _Tally, infinite: Mapping[str, _Tally], no_value: Mapping[str, _Tally]) -> None:
         where = self.clock.where

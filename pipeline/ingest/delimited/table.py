@@ -27,6 +27,8 @@ from pipeline.recording import QualityFinding
 QUICK_FROM_BYTES = 1 << 23
 _COMPILED = "pipeline.ingest.delimited.quick"
 _MOST_WORKERS = 8
+# Where blank lines part all rows each has a place of its own; so many are kept.
+_MOST_PLACES = 1 << 18
 _bytes_so_far = 0
 
 
@@ -39,6 +41,7 @@ class DelimitedTable(RawTable):
         self._layout = layout
         self._oddities, self._rows = Oddities(), 0
         self._lines: list[tuple[int, int]] = []
+        self._unplaced: int | None = None  # the row from which on lines are no longer known
         self.channels = [RawChannel(c.name, c.unit, is_text=c.kind == "text") for c in layout.columns]
         clocks = [c.name for c in layout.columns if c.kind in ("stamp", "regular")]
         self.time_channel = clocks[0] if clocks else None
@@ -54,13 +57,16 @@ class DelimitedTable(RawTable):
             For a name that is no channel, many ragged rows, a second header, a line without end.
         """
         layout, odd = self._layout, Oddities()
-        self._oddities, self._rows, self._lines = odd, 0, []
+        self._oddities, self._rows, self._lines, self._unplaced = odd, 0, [], None
         wanted = self._columns(names)
         clock = Clock(layout.stamp.start, layout.stamp.format.period) if layout.stamp else None
         done = 0
         for parsed in parsed_chunks(layout, wanted):
             odd.merge(parsed.oddities)
-            self._lines += [(done + row, line) for row, line in parsed.lines]
+            if len(self._lines) < _MOST_PLACES:
+                self._lines += [(done + row, line) for row, line in parsed.lines]
+            elif self._unplaced is None:
+                self._unplaced = done
             refuse_ragged(odd, done + parsed.rows, layout.path, so_far=True)
             if parsed.rows:
                 yield {column.name: _values(parsed, column, clock, layout.regular, done) for column in wanted}
@@ -70,6 +76,8 @@ class DelimitedTable(RawTable):
 
     def place_of(self, row: int) -> str:
         """Return the line of a row as an editor numbers it."""
+        if self._unplaced is not None and row >= self._unplaced:
+            return super().place_of(row)
         at = bisect_right(self._lines, row, key=lambda entry: entry[0]) - 1
         return f"line {self._lines[at][1] + row - self._lines[at][0]}" if at >= 0 else super().place_of(row)
 
