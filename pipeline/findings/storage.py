@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 from pyarrow import ArrowException
 from pydantic import ValidationError
 
@@ -59,6 +58,8 @@ def read(path: Path) -> Findings:
         place = ".".join(str(part) for part in first["loc"]) or "the file"
         raise InputError(f"{path}: not findings as rigfit writes them: {place}: {first['msg']}. {_ANEW}") from error
     for file in sorted((path.parent / "arrays").glob("*.parquet")):
+        import pandas as pd
+
         try:
             findings.arrays[file.stem] = pd.read_parquet(file)
         except (ArrowException, OSError, ValueError) as error:
