@@ -5,7 +5,7 @@ Numbers become float64, truth values 0 and 1, dates seconds since the first one,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,13 +18,17 @@ from pipeline.ingest.reader import BLOCK_ROWS, RawChannel, RawTable
 
 @dataclass(frozen=True)
 class ColumnSource:
-    """A column of a file: name, unit, and ``read(file, start, stop) -> values`` of those rows of the opened file."""
+    """A column of a file: name, unit, and ``read(file, start, stop) -> values`` of those rows of the opened file.
+
+    `of` names the channel that it is taken from, '' for a column that the file does not hold.
+    """
 
     name: str
     unit: str | None
     read: Callable[[Any, int, int], np.ndarray]
     is_text: bool = False
     is_date: bool = False
+    of: str = ""
 
 
 class ColumnTable(RawTable):
@@ -63,9 +67,19 @@ class ColumnTable(RawTable):
         if not wanted:
             return
         with self._opened() as file:
-            for start in range(0, self.rows, BLOCK_ROWS):
-                stop = min(start + BLOCK_ROWS, self.rows)
-                yield {name: self._plain(c, np.asarray(c.read(file, start, stop))) for name, c in wanted.items()}
+            done = 0
+            for held, start, stop in self.passing(file, wanted):
+                yield self._block(wanted, held, start, stop)
+                done = stop
+            for begin in range(done, self.rows, BLOCK_ROWS):
+                yield self._block(wanted, file, begin, min(begin + BLOCK_ROWS, self.rows))
+
+    def passing(self, file: Any, wanted: Mapping[str, ColumnSource]) -> Iterator[tuple[Any, int, int]]:  # noqa: ARG002
+        """Yield what columns may be read from instead of the file, in the order of the rows, and for which of them."""
+        yield from ()
+
+    def _block(self, wanted: Mapping[str, ColumnSource], file: Any, start: int, stop: int) -> dict[str, np.ndarray]:
+        return {name: self._plain(c, np.asarray(c.read(file, start, stop))) for name, c in wanted.items()}
 
     def _plain(self, column: ColumnSource, values: np.ndarray) -> np.ndarray:
         if column.is_date:

@@ -17,7 +17,8 @@ from pipeline.errors import InputError, listing
 from pipeline.ingest.column_table import ColumnSource, ColumnTable, is_number
 from pipeline.ingest.extras import library
 from pipeline.ingest.misnamed import misnamed
-from pipeline.ingest.reader import RawLog, Reader
+from pipeline.ingest.reader import BLOCK_ROWS, RawLog, Reader
+from pipeline.ingest.tdms_samples import Held, Whole
 from pipeline.recording import QualityFinding
 
 _MARKS = (b"TDSm", b"TDSh")
@@ -101,6 +102,22 @@ def _opened(path: Path) -> Iterator[Any]:
         ) from error
 
 
+@contextmanager
+def _group(path: Path, group: str) -> Iterator[Whole]:
+    with _opened(path) as file:
+        yield Whole(path, file, group)
+
+
+class TdmsTable(ColumnTable):
+    """Channels of a group with one clock."""
+
+    def passing(self, file: Any, wanted: Mapping[str, ColumnSource]) -> Iterator[tuple[Any, int, int]]:
+        """Yield the samples as the file's segments have them, where these are many and small."""
+        channels = {column.of for column in wanted.values() if column.of}
+        for held in file.passes(channels, BLOCK_ROWS):
+            yield held, held.start, held.start + held.rows
+
+
 class _Said:
     """What properties say of the run; names that several groups or channels give with different values bear theirs."""
 
@@ -163,7 +180,7 @@ def _clock(channel: Any) -> _Clock:
 
 def _table(path: Path, group: str, clock: _Clock, channels: list[Any]) -> ColumnTable:
     rows, increment, offset, begins = clock
-    columns = [column for channel in channels for column in _columns(group, channel)]
+    columns = [column for channel in channels for column in _columns(channel)]
     time = None
     if increment is not None:
         time = _TIME if all(column.name != _TIME for column in columns) else f"{_TIME} of the waveform"
@@ -173,24 +190,28 @@ def _table(path: Path, group: str, clock: _Clock, channels: list[Any]) -> Column
     first = None
     if time is None and len(dates) == 1:
         time = dates[0].name
-        with _opened(path) as file:
-            first = np.datetime64(dates[0].read(file, 0, 1)[0])
-    return ColumnTable(group, columns, rows, lambda: _opened(path), time, begins or None, first)
+        with _group(path, group) as whole:
+            first = np.datetime64(dates[0].read(whole, 0, 1)[0])
+    return TdmsTable(group, columns, rows, lambda: _group(path, group), time, begins or None, first)
 
 
-def _columns(group: str, channel: Any) -> list[ColumnSource]:
+def _columns(channel: Any) -> list[ColumnSource]:
     """Return a channel as a column, a complex one as its two parts."""
     name, dtype = channel.name, _dtype(channel)
 
-    def read(file: Any, start: int, stop: int) -> np.ndarray:
-        return np.asarray(file[group][name].read_data(start, stop - start))
+    def read(source: Whole | Held, start: int, stop: int) -> np.ndarray:
+        return source.samples(name, start, stop)
 
     if dtype.kind == "c":
         return [
-            ColumnSource(f"{name}.real", _unit(channel), lambda file, start, stop: read(file, start, stop).real),
-            ColumnSource(f"{name}.imag", _unit(channel), lambda file, start, stop: read(file, start, stop).imag),
+            ColumnSource(
+                f"{name}.real", _unit(channel), lambda source, start, stop: read(source, start, stop).real, of=name
+            ),
+            ColumnSource(
+                f"{name}.imag", _unit(channel), lambda source, start, stop: read(source, start, stop).imag, of=name
+            ),
         ]
-    return [ColumnSource(name, _unit(channel), read, is_text=_is_text(channel), is_date=dtype.kind == "M")]
+    return [ColumnSource(name, _unit(channel), read, is_text=_is_text(channel), is_date=dtype.kind == "M", of=name)]
 
 
 def _dtype(channel: Any) -> np.dtype[Any]:

@@ -51,6 +51,62 @@ def test_raw_samples_of_a_tdms_channel_are_scaled_as_its_properties_say(tmp_path
     np.testing.assert_allclose(column(log, "ai0"), 0.01 * counts + 2.0)
 
 
+@pytest.mark.parametrize("asked", [None, ["a", "when"]])
+def test_many_small_segments_give_what_the_channels_give_one_by_one(
+    tmp_path: Path, asked: list[str] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Segments of changing length, one channel late by some of them, a group of another clock between."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    begins, at = np.datetime64("2024-05-06T10:00:00", "us"), 0
+    when = begins + np.arange(N).astype("timedelta64[ms]").astype("timedelta64[us]")
+    values = {
+        "a": WAVE,
+        "b": TIME.astype(np.float32),
+        "c": WAVE + 1j * TIME,
+        "word": np.array(["on", "off"] * (N // 2)),
+        "when": when,
+    }
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        for k, length in enumerate([7, 40, 13] * 40):
+            rows = slice(at, min(at + length, N))
+            for names in (["a", "b"], ["c", "word", "when"]):
+                objects = [ChannelObject("g", name, values[name][rows], {}) for name in names]
+                if rows.start < N:
+                    writer.write_segment(
+                        [*objects, ChannelObject("other", "x", np.arange(3.0) + k, {"wf_increment": 0.1})]
+                    )
+            at += length
+    monkeypatch.setattr("pipeline.ingest.tdms.BLOCK_ROWS", 300)
+    monkeypatch.setattr("pipeline.ingest.column_table.BLOCK_ROWS", 300)
+    found = {}
+    for largest in (0, 1 << 30):
+        monkeypatch.setattr("pipeline.ingest.tdms_samples._LARGEST_PIECE", largest)
+        (table,) = (table for table in registry.open_log(tmp_path / "a.tdms").tables if table.name == "g")
+        blocks = list(table.blocks(asked))
+        found[largest] = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    assert set(found[0]) == set(found[1 << 30]) == set(asked or ["a", "b", "c.real", "c.imag", "word", "when"])
+    for name, column_ in found[0].items():
+        np.testing.assert_array_equal(found[1 << 30][name], column_)
+    np.testing.assert_array_equal(found[0]["a"], WAVE)
+    np.testing.assert_allclose(found[0]["when"], TIME, atol=1e-9)
+
+
+def test_a_channel_far_ahead_of_another_is_not_held_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        for name in "ab":
+            for start in range(0, N, 50):
+                writer.write_segment([ChannelObject("g", name, WAVE[start : start + 50], WAVEFORM)])
+    monkeypatch.setattr("pipeline.ingest.tdms_samples._MOST_WAITING", 500)
+    np.testing.assert_array_equal(column(registry.open_log(tmp_path / "a.tdms"), "b"), WAVE)
+    (table,) = registry.open_log(tmp_path / "a.tdms").tables
+    blocks = list(table.blocks())
+    for name in "ab":
+        np.testing.assert_array_equal(np.concatenate([block[name] for block in blocks]), WAVE)
+
+
 def test_a_complex_channel_is_read_as_its_parts(tmp_path: Path) -> None:
     import h5py
     from nptdms import ChannelObject
