@@ -41,8 +41,8 @@ WRITERS: dict[str, Callable[[Path], Path]] = {
 NAMES = {"log.mat": {"force": ChannelMap("rec.force"), "displacement": ChannelMap("rec.displacement"),}}  # fmt: skip
 UNITLESS = {
     "log.mat": {"force": "kN", "displacement": "mm"},
-    "log.bag": {"force": "kN", "displacement": "mm", "temperature": "degC"},
-    "log.db3": {"force": "kN", "displacement": "mm", "temperature": "degC"},
+    "log.bag": {"force": "kN", "displacement": "mm"},
+    "log.db3": {"force": "kN", "displacement": "mm"},
 }
 
 

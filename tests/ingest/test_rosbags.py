@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import sqlite3
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -38,6 +39,22 @@ def test_a_bag_of_ros_1_is_read_however_packed(tmp_path: Path, compression: str)
     assert list(column(log, "daq", "state")) == list(logs.STATE)
     assert log.details["chunks"].endswith(f"({compression or 'none'})")
     assert "3000 messages" in log.details["topic daq"]
+
+
+@pytest.mark.parametrize("write", [logs.write_bag, logs.write_db3, logs.write_old_db3])
+def test_types_of_ros_have_the_units_that_their_definitions_state(
+    tmp_path: Path, write: Callable[[Path], Path]
+) -> None:
+    log = registry.open_log(write(tmp_path / "r"))
+    (oil,) = (table for table in log.tables if table.name == "oil")
+    assert {channel.name: channel.unit for channel in oil.channels} == {
+        "log_time": "s",
+        **({"header.seq": None} if write is logs.write_bag else {}),
+        "header.stamp": "s",
+        "header.frame_id": None,
+        "temperature": "degC",
+        "variance": None,
+    }
 
 
 def test_messages_packed_one_by_one_are_unpacked(tmp_path: Path) -> None:

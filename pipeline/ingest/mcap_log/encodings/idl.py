@@ -17,6 +17,7 @@ from pipeline.ingest.mcap_log.encodings.ros_types import (
     Type,
     array_length,
 )
+from pipeline.ingest.mcap_log.encodings.ros_units import UNITS
 
 _PRIMITIVES = {
     "boolean": "?", "octet": "u1", "char": "u1", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
@@ -131,7 +132,7 @@ class _Parser:
 
     def struct(self, scope: tuple[str, ...]) -> None:
         name = self.next()
-        result = Struct("/".join((*scope, name)))
+        result = Struct("/".join((*scope, name)), units=dict(UNITS.get(f"{scope[0]}/{name}" if scope else name, {})))
         if self.peek() == ":":
             self.next()
             base = self.named(scope)

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pipeline.ingest.mcap_log.encodings.ros_units import UNITS
+
 
 class DefinitionError(Exception):
     """A message definition that cannot be understood; the text tells why, as part of a sentence."""
@@ -43,7 +45,7 @@ class Many:
 
 @dataclass
 class Struct:
-    """Named members in order; `units` are those that the definition itself declares."""
+    """Named members in order; `units` are those that the definition itself declares, or states in words."""
 
     name: str
     members: list[tuple[str, Type]] = field(default_factory=list)
@@ -99,7 +101,7 @@ class _Resolver:
         if name not in self.bodies:
             return self.time(name)
         self.open.append(name)
-        result = Struct(name)
+        result = Struct(name, units=dict(UNITS.get(name, {})))
         for line in self.bodies[name].splitlines():
             line = line.split("#")[0].strip()
             if not line:
