@@ -103,7 +103,8 @@ def _scatter(residual: np.ndarray, error: np.ndarray, free: np.ndarray, p: int) 
     judged = free > 0
     size, error = np.abs(residual[judged]) / np.sqrt(free[judged]), error[judged]
     size = np.where(size > _ROUNDING, size, 0.0)
-    fitted = min(p - 1, size.size - 1)  # so many residuals are small because they were fitted
+    # Where groups are of two or three runs, many residuals are small because they were fitted.
+    fitted = int(min(2 * p / max(size.size, 1), 1.0) * min(p - 1, size.size - 1))
     n = size.size - fitted
     if n < 2:
         return 0.0
