@@ -33,7 +33,7 @@ from pipeline.recording.storage import (
 )
 
 # Raise it whenever the same log would become another recording.
-VERSION = 4
+VERSION = 5
 
 
 def ingest_run(
