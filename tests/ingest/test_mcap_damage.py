@@ -272,7 +272,7 @@ def test_chunks_that_would_burst_memory_are_refused(tmp_path):
 
 
 def test_an_unknown_compression_is_named(tmp_path):
-    with pytest.raises(InputError, match="compressed with 'snappy'; known are zstd, lz4, none"):
+    with pytest.raises(InputError, match="compressed with 'snappy'; known are zstd, lz4, bz2, none"):
         hostile(tmp_path, chunk(b"abc", 10, "snappy"))
 
 
