@@ -34,9 +34,10 @@ from pipeline.rigs.mre.model.fit_errors import (
 )
 from pipeline.rigs.mre.model.fit_estimates import estimates_of, impossible
 from pipeline.rigs.mre.model.loop import Loop
-from pipeline.rigs.mre.model.many import MANY, conditions_of, in_a_row, standing_for, widened
+from pipeline.rigs.mre.model.many import conditions_of, in_a_row, standing_for, widened
 from pipeline.rigs.mre.model.variants import NEGLIGIBLE, REJECTED_BEYOND, compare_variants, rms_force
 from pipeline.rigs.mre.pads import group_levels
+from pipeline.rigs.over_runs import MANY
 
 VARIANTS = ("ks", "ka", "km", "k", "ksa")
 # Twice the log-likelihood that a run scatter must gain to be taken (one-sided 95 %).
@@ -81,7 +82,7 @@ class Identification:
 def identify_loops(loops: Sequence[Loop], options: FitOptions | None = None) -> Identification:
     """Fit every variant that the currents allow and choose by BIC; one loop is enough to be called.
 
-    Loops without a force harmonic clear of the mains are left out. Of more than `many.MANY` the starts are tried with some
+    Loops without a force harmonic clear of the mains are left out. Of more than `over_runs.MANY` the starts are tried with some
     that span their conditions, and loops are held to be in the order in which they were made.
 
     Raises

@@ -16,7 +16,7 @@ from pipeline.estimation.uncertainty import jackknife
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.dynamic_model import HarmonicModel, real_rows
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions, refit
-from pipeline.rigs.mre.model.many import MANY
+from pipeline.rigs.over_runs import MANY
 
 
 @dataclass(frozen=True, eq=False)

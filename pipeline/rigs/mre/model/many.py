@@ -16,12 +16,11 @@ from pipeline.rigs.mre.model.fit_errors import Errors
 from pipeline.rigs.mre.model.loop import Loop
 from pipeline.rigs.mre.pads import group_levels
 
-MANY = 60
-"""Beyond so many runs a campaign is treated as one of many."""
+_ENOUGH = 60  # runs to search with
 _SAME_FREQUENCY, _SAME_AMPLITUDE = 0.05, 0.1  # relative
 
 
-def standing_for(loops: Sequence[Loop], labels: Sequence[int], count: int = MANY) -> list[int]:
+def standing_for(loops: Sequence[Loop], labels: Sequence[int], count: int = _ENOUGH) -> list[int]:
     """Return the places of `count` loops, or all, that span the conditions of all at each current level (`labels`)."""
     if len(loops) <= count:
         return list(range(len(loops)))

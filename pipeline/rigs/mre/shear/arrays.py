@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,15 +12,20 @@ from pipeline.findings import Parameter
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.leave_one_out import LeaveOneOut
 from pipeline.rigs.mre.model.loop import Loop, curve
+from pipeline.rigs.mre.model.many import conditions_of
 from pipeline.rigs.mre.model.time_fit import TimeFit
+from pipeline.rigs.mre.pads import group_levels
 from pipeline.rigs.mre.shear.parameters import run_metrics
 from pipeline.rigs.mre.shear.preload import PreloadTable
 from pipeline.rigs.mre.shear.residuals import METRICS, agreement, field_laws, residual_checks
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
+from pipeline.rigs.over_runs import MANY, natural
 
 _POINTS, _SERIES = 256, 3000
-# Beyond this many runs only the tables per run are kept, not every loop.
-_LOOPS_KEPT = 60
+_HALF_CYCLES_KEPT = 60
+# Of many loops those are kept that stand at these shares of all, from the best met to the worst.
+_SHARES = {"best": 0.0, "lower quartile": 0.25, "median": 0.5, "upper quartile": 0.75, "worst": 1.0}
+_LEVELS_APART = 0.25  # A
 # Model lines: runs whose frequency (or amplitude) differs by less than this ratio share one; how far a line goes
 # beyond its runs; points of a long and of a short one.
 _LINES, _SAME, _BEYOND = 48, 1.05, (0.85, 1.18)
@@ -37,10 +42,11 @@ def arrays_of(
     flux: pd.DataFrame,
 ) -> dict[str, pd.DataFrame]:
     """Return the tables that there are, by name."""
+    stand = _standing(runs, fit)
     tables = {
-        "runs": _runs(runs, fit, without),
-        "loops": _loops(runs, fit),
-        "samples": _samples(runs),
+        "runs": _runs(runs, fit, without, stand),
+        "loops": _loops(runs, fit, stand),
+        "samples": _samples(runs, stand),
         "half_cycles": _half_cycles(runs),
         "residual_harmonics": _residual_harmonics(fit),
         "correlation": _correlation(fit, times),
@@ -55,8 +61,39 @@ def arrays_of(
     return {name: table for name, table in tables.items() if len(table)}
 
 
-def _runs(runs: SortedRuns, fit: DynamicFit | None, without: LeaveOneOut | None) -> pd.DataFrame:
-    rows = []
+def _standing(runs: SortedRuns, fit: DynamicFit | None) -> dict[str, str]:
+    """Return the loops that are kept, and as what: all where they are few, else some at fixed shares of all by misfit."""
+    names = [usable.run for usable in runs.loops]
+    if len(names) <= MANY:
+        return dict.fromkeys(names, "")
+    met = fit.nrmse_by_run if fit is not None else {}
+    ordered = sorted((run for run in names if run in met or not met), key=lambda run: (met.get(run, 0.0), natural(run)))
+    return {ordered[round(share * (len(ordered) - 1))]: word for word, share in _SHARES.items()}
+
+
+def _conditions(runs: SortedRuns) -> dict[str, str]:
+    """Return the condition of each loop in words, where there are many."""
+    loops = [usable.loop for usable in runs.loops if usable.loop is not None]
+    if len(loops) <= MANY:
+        return {}
+    labels, levels = group_levels([loop.current for loop in loops], _LEVELS_APART)
+    table = pd.DataFrame(conditions_of(loops, labels), columns=["level", "frequency", "amplitude"])
+    table["run"] = [loop.run for loop in loops]
+    known = any(loop.current is not None for loop in loops)
+    named: dict[str, str] = {}
+    for _, part in table.groupby(["level", "frequency", "amplitude"]):
+        members = [loops[int(i)] for i in part.index.to_numpy()]
+        f, X = (float(np.median([getattr(loop, name) for loop in members])) for name in ("frequency", "amplitude"))
+        named |= dict.fromkeys(
+            part["run"], f"{f:.3g} Hz, {1e3 * X:.2g} mm" + (f", {levels[labels[int(part.index[0])]]:g} A" if known else "")
+        )
+    return named
+
+
+def _runs(
+    runs: SortedRuns, fit: DynamicFit | None, without: LeaveOneOut | None, stand: Mapping[str, str]
+) -> pd.DataFrame:
+    rows, conditions = [], _conditions(runs)
     for usable in runs.usable:
         row: dict[str, float | str | None] = {
             "run": usable.run,
@@ -82,13 +119,19 @@ def _runs(runs: SortedRuns, fit: DynamicFit | None, without: LeaveOneOut | None)
             row |= {"nrmse": fit.nrmse_by_run[usable.run]}
             if without is not None:
                 row |= {"prediction_nrmse": without.prediction_nrmse.get(usable.run)}
+        if conditions:
+            row |= {
+                "begins": usable.begins,
+                "condition": conditions.get(usable.run, ""),
+                "stands_for": stand.get(usable.run),
+            }
         rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _loops(runs: SortedRuns, fit: DynamicFit | None) -> pd.DataFrame:
+def _loops(runs: SortedRuns, fit: DynamicFit | None, stand: Mapping[str, str]) -> pd.DataFrame:
     parts = []
-    for usable in runs.loops[:_LOOPS_KEPT]:
+    for usable in (usable for usable in runs.loops if usable.run in stand):
         assert usable.loop is not None
         loop = usable.loop
         model, residual = _modelled(fit, loop)
@@ -106,10 +149,9 @@ def _modelled(fit: DynamicFit | None, loop: Loop) -> tuple[np.ndarray | float, n
     return curve(F, _POINTS), curve(np.where(loop.kept, loop.F - F, 0.0), _POINTS)
 
 
-def _samples(runs: SortedRuns) -> pd.DataFrame:
+def _samples(runs: SortedRuns, stand: Mapping[str, str]) -> pd.DataFrame:
     parts = []
-    for usable in runs.loops[:_LOOPS_KEPT]:
-        assert usable.loop is not None
+    for usable in (usable for usable in runs.loops if usable.run in stand):
         series = usable.series
         parts.append(pd.DataFrame({"run": usable.run, "displacement": series.x, "force": series.F}))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
@@ -117,7 +159,7 @@ def _samples(runs: SortedRuns) -> pd.DataFrame:
 
 def _half_cycles(runs: SortedRuns) -> pd.DataFrame:
     parts = []
-    for usable in runs.half_cycles[:_LOOPS_KEPT]:
+    for usable in runs.half_cycles[:_HALF_CYCLES_KEPT]:
         step = max(usable.series.time.size // _SERIES, 1)
         x, F = usable.series.x[::step], usable.series.F[::step]
         parts.append(pd.DataFrame({"run": usable.run, "displacement": x - x[0], "force": F - F[0]}))

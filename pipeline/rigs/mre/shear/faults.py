@@ -16,7 +16,7 @@ from pipeline.rigs.mre.shear.labels import say_labels
 from pipeline.rigs.mre.shear.operating import Held
 from pipeline.rigs.mre.shear.sampling import say_coarse
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
-from pipeline.rigs.mre.shear.trend import say_trend
+from pipeline.rigs.mre.shear.trend import say_spells, say_trend
 from pipeline.rigs.mre.shear.unsteady import LAG_SAID, say_unsteady
 
 _REMANENCE = 5e-3  # T
@@ -49,7 +49,7 @@ def say_faults_of_fit(runs: SortedRuns, fit: DynamicFit) -> list[str]:
     trend = say_trend(runs, fit)
     if fit.rejected:
         return [trend] if trend else []
-    return [doubt for doubt in (_lag(runs, fit), _mass(fit), trend or _scatter(fit)) if doubt]
+    return [doubt for doubt in (_lag(runs, fit), _mass(fit), trend or _scatter(fit), *say_spells(runs, fit)) if doubt]
 
 
 def mains_instead(fit: DynamicFit, loops: Sequence[Loop], options: FitOptions, mains: float, runs: SortedRuns) -> None:

@@ -15,7 +15,6 @@ from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions, Identification, identify_loops
 from pipeline.rigs.mre.model.leave_one_out import leave_one_out
 from pipeline.rigs.mre.model.loop import Loop
-from pipeline.rigs.mre.model.many import MANY
 from pipeline.rigs.mre.model.other_optima import without_other_optima
 from pipeline.rigs.mre.model.variants import DECISIVE, undecided
 from pipeline.rigs.mre.pads import group_levels
@@ -44,6 +43,7 @@ from pipeline.rigs.mre.shear.unsteady import say_faults_of_records
 from pipeline.rigs.mre.shear.untared_mass import weigh_mass
 from pipeline.rigs.mre.shear.verdict import judge
 from pipeline.rigs.nothing_usable import nothing_usable
+from pipeline.rigs.over_runs import MANY
 
 _LEAST_CYCLES = 1.95
 

@@ -25,6 +25,7 @@ from pipeline.findings.figures import (
 from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
 from pipeline.rigs.mre.shear.sections_field import level_text, of_field
 from pipeline.rigs.mre.shear.sections_fit import of_fit
+from pipeline.rigs.mre.shear.sections_many import by_condition, is_many, means, middle, of_many
 
 DISPLACEMENT, FORCE = Axis("displacement", "m"), Axis("force", "N")
 METRICS = {
@@ -34,6 +35,8 @@ METRICS = {
     "loss_factor": Axis("loss factor"),
 }
 _PANELS = 16
+# Of many runs those are shown that stand at these shares of all, from the best met to the worst.
+_SHARES = {"best": 0.0, "lower quartile": 0.25, "median": 0.5, "upper quartile": 0.75, "worst": 1.0}
 
 
 def sections(findings: Findings) -> Sequence[Section]:
@@ -41,6 +44,7 @@ def sections(findings: Findings) -> Sequence[Section]:
     chapters = [
         Section("loops", "Measured loops and the model", [*_loops(findings), *_half_cycles(findings)]),
         Section("records", "Records without a period", _records(findings)),
+        Section("over_runs", "From run to run", of_many(findings) if is_many(findings) else []),
         Section("metrics", "Stiffness and damping of each run", _metrics(findings)),
         Section("field", "What the field adds", of_field(findings)),
         Section("fit", "How well the model is known", of_fit(findings)),
@@ -68,6 +72,8 @@ def _titles(findings: Findings) -> dict[str, str]:
             parts.append(f"{row['frequency']:.3g} Hz")
         if pd.notna(row.get("current")):
             parts.append(level_text(row["current"]))
+        if isinstance(row.get("stands_for"), str):
+            parts.insert(0, row["stands_for"])
         titles[str(row["run"])] = ", ".join(parts)
     return titles
 
@@ -77,8 +83,14 @@ def _loops(findings: Findings) -> list[Figure]:
         return []
     loops, samples = findings.arrays["loops"], findings.arrays["samples"]
     titles = _titles(findings)
-    every = list(loops["run"].unique())
-    shown = _chosen(every, findings.arrays["runs"])
+    every_run = findings.arrays["runs"]
+    of_many = is_many(findings) and "stands_for" in every_run
+    every = (
+        list(every_run[every_run["stands_for"].notna()].sort_values("nrmse", kind="stable")["run"])
+        if of_many and "nrmse" in every_run
+        else list(loops["run"].unique())
+    )
+    shown = _chosen(every, every_run)
     panels, rest = [], []
     for run in shown:
         curve, cloud = loops[loops["run"] == run], samples[samples["run"] == run]
@@ -90,7 +102,11 @@ def _loops(findings: Findings) -> list[Figure]:
         if fitted:
             rest.append(Panel([Line(x, missed, "residual"), Rule(y=0.0)], DISPLACEMENT, FORCE, titles.get(run, run)))
     number = (
-        f"{len(shown)} of {len(every)} runs, from the best to the worst met" if len(shown) < len(every) else "every run"
+        f"{len(shown)} of {len(every_run)} runs, at fixed shares of all from the best met to the worst (misfit of the force over its rms)"
+        if of_many
+        else f"{len(shown)} of {len(every)} runs, from the best to the worst met"
+        if len(shown) < len(every)
+        else "every run"
     )
     figures = [
         Figure(
@@ -215,11 +231,21 @@ def _metrics(findings: Findings) -> list[Figure | Table]:
         for over, label, unit in (("frequency", "frequency", "Hz"), ("amplitude", "amplitude", "m")):
             if fitted[over].max() > 1.05 * fitted[over].min():
                 blocks.append(_against(findings, fitted, over, Axis(label, unit)))
-    return [*blocks, *_metrics_tables(findings, runs)]
+    return [*blocks, *(by_condition(findings) if is_many(findings) else _metrics_tables(findings, runs))]
 
 
 def _against(findings: Findings, runs: pd.DataFrame, over: str, axis: Axis) -> Figure:
     lines = findings.arrays.get("model_lines")
+    other = "amplitude" if over == "frequency" else "frequency"
+    shown = "each run"
+    if is_many(findings):
+        runs = middle(runs, other)
+        at = float(runs[other].median())
+        lines = lines[(lines[other] / at - 1).abs() < 0.05] if lines is not None and other in lines else lines
+        shown = (
+            f"means of the runs of each condition at {f'{1e3 * at:.3g} mm' if other == 'amplitude' else f'{at:.3g} Hz'}"
+        )
+        runs = means(runs, list(METRICS))
     known = sorted({round(float(value), 1) for value in runs["current"].dropna()})
     levels: list[float | None] = [*known] or [None]
     panels = []
@@ -244,9 +270,8 @@ def _against(findings: Findings, runs: pd.DataFrame, over: str, axis: Axis) -> F
                 if len(curves):
                     marks.append(Line(*_strokes(curves, over, name), number))
         panels.append(Panel(marks, axis, y, y.label))
-    other = "amplitude" if over == "frequency" else "frequency"
     drawn = ""
-    if lines is not None:
+    if lines is not None and (lines["over"] == over).any():
         own = bool(lines.loc[lines["over"] == over, "own"].all())
         drawn = (
             f"; lines: the model at the {other} of the runs that they pass."
@@ -256,7 +281,7 @@ def _against(findings: Findings, runs: pd.DataFrame, over: str, axis: Axis) -> F
     return Figure(
         f"metrics_{over}",
         f"Stiffness and damping over {over}",
-        f"How do stiffness and damping change with {over}? Points with 95 % intervals: each run at its own {other}"
+        f"How do stiffness and damping change with {over}? Points with 95 % intervals: {shown}{'' if is_many(findings) else f' at its own {other}'}"
         f"{drawn or '.'}",
         f"secant and storage stiffness, damping and loss factor over {over}, one colour a current",
         panels,

@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Column, Figure, Mark, Matrix, Panel, Points, Rule, Table
+from pipeline.rigs.mre.shear.sections_many import is_many, residual_quantiles
 
 METRICS = {
     "stiffness_secant": "secant stiffness",
@@ -17,6 +18,8 @@ METRICS = {
 
 def of_fit(findings: Findings) -> list[Figure | Table]:
     """Return what there is to show of the fit."""
+    if is_many(findings):
+        return [*_correlation(findings), *residual_quantiles(findings), *_checks(findings)]
     return [
         *_correlation(findings),
         *_agreement(findings),

@@ -11,6 +11,7 @@ from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions
 from pipeline.rigs.mre.shear.linearised import Linearised
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
+from pipeline.rigs.over_runs import MANY, over_runs
 
 _FEWEST = 6
 # A trend is told that chance brings about in less than this share of campaigns, and only from this size on.
@@ -38,6 +39,32 @@ def say_trend(runs: SortedRuns, fit: DynamicFit) -> str:
     )
     runs.say("warning", None, doubt, "force")
     return doubt
+
+
+def say_spells(runs: SortedRuns, fit: DynamicFit) -> list[str]:
+    """Say at which runs of many the force steps away from the model, for good or for a while; none of few runs."""
+    used = [usable for usable in runs.loops if usable.run in fit.gain_by_run]
+    if len(used) <= MANY or fit.rejected:
+        return []
+    found = over_runs(
+        "force over that of the model",
+        "1",
+        [usable.run for usable in used],
+        [1 + fit.gain_by_run[usable.run] for usable in used],
+        sequence=_if_all([usable.sequence for usable in used]),
+        begins=_if_all([usable.begins for usable in used]),
+    )
+    doubts = []
+    for change in found.course.changes:
+        if change.kind != "drift" and abs(change.size) > _LEAST:
+            doubt = f"{found.change_sentence(change)} Something was another then: clamping, load cell, temperature. Intervals allow for it."
+            runs.say("warning", found.runs[change.first], doubt, "force")
+            doubts.append(doubt)
+    return doubts
+
+
+def _if_all(values: Sequence[float | None]) -> Sequence[float | None] | None:
+    return None if any(value is None for value in values) else values
 
 
 def order_of(used: Sequence[UsableRun]) -> tuple[np.ndarray, str]:

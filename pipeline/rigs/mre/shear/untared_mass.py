@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 from pipeline.estimation.estimate import undetermined
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
-from pipeline.rigs.mre.model.harmonic_fit import FitOptions, Identification, identify_loops, layouts_of
+from pipeline.rigs.mre.model.harmonic_fit import FitOptions, Identification, identify_loops
 from pipeline.rigs.mre.model.loop import Loop
-from pipeline.rigs.mre.model.many import MANY, standing_for
+from pipeline.rigs.mre.model.many import standing_for
 from pipeline.rigs.mre.model.variants import DECISIVE
 
 # It takes two frequencies at one current to tell a mass from a stiffness, and runs beyond that to believe it.
@@ -37,8 +37,13 @@ def weigh_mass(found: Identification, loops: Sequence[Loop], options: FitOptions
     fit = found.selected
     if options.fit_mass or options.mass_known or not _can_be_told(fit) or fit.dof < 1:
         return MassDecision(found)
-    if len(loops) > MANY and not _needed_by_some(loops, options):
-        return MassDecision(found)
+    few = [loops[i] for i in standing_for(loops, fit.layout.labels)] if len(loops) == len(fit.loops) else list(loops)
+    if len(few) < len(
+        loops
+    ):  # where some that stand for all neither ask for a mass nor leave it open, all need not be asked
+        decided = weigh_mass(identify_loops(few, options), few, options)
+        if decided.mass is None and not decided.doubt:
+            return MassDecision(found)
     in_place_of_scatter = fit.run_scatter > 0 or fit.rejected
     tried = (False, True) if in_place_of_scatter and options.scatter else (options.scatter,)
     rivals = [rival for rival in (_with_mass(loops, options, scatter) for scatter in tried) if rival]
@@ -54,14 +59,6 @@ def weigh_mass(found: Identification, loops: Sequence[Loop], options: FitOptions
     if gain > (-DECISIVE if instead else 0.0):
         return MassDecision(found, doubt=_doubt(found, rival, mass))
     return MassDecision(found)
-
-
-def _needed_by_some(loops: Sequence[Loop], options: FitOptions) -> bool:
-    """Tell whether some loops that stand for all ask for a mass, or leave it open: then all have to be asked."""
-    labels = layouts_of(loops, options)[0].labels
-    few = [loops[i] for i in standing_for(loops, labels)]
-    decided = weigh_mass(identify_loops(few, options), few, options)
-    return decided.mass is not None or bool(decided.doubt)
 
 
 def _can_be_told(fit: DynamicFit) -> bool:

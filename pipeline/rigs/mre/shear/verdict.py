@@ -12,8 +12,9 @@ ok        none of these.
 from __future__ import annotations
 
 import math
+import re
 
-from pipeline.errors import listing
+from pipeline.errors import counted, listing
 from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.time_fit import TimeFit
@@ -22,7 +23,8 @@ from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
 
 # Runs whose largest and smallest are closer than these ratios count as one amplitude, one frequency.
 _ONE_AMPLITUDE, _ONE_FREQUENCY = 1.25, 1.1
-_RUNS_TOLD = 4  # left out; beyond it only the first is told with its reason
+_RUNS_TOLD, _CAUSES_TOLD = 4, 6  # left out, each with its reason; beyond it runs of one reason are told together
+_NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?|[+-]?nan|earlier|later")
 # Share of the force that the fit of the first half may miss in the second.
 PREDICTION_REJECTED, PREDICTION_WARNED = 0.2, 0.05
 
@@ -64,11 +66,23 @@ def _nothing_wrong(fit: DynamicFit | None) -> str:
 
 def _left_out(said: Judgement, runs: SortedRuns) -> None:
     told = list(runs.left_out.items())
-    for run, reason in told if len(told) <= _RUNS_TOLD else told[:1]:
-        said.warn(f"Run {run} is left out: {reason}.")
-    if len(told) > _RUNS_TOLD:
-        others = listing((run for run, _ in told[1:]), 8)
-        said.warn(f"{len(told) - 1} more runs are left out, see the quality findings: {others}.")
+    if len(told) <= _RUNS_TOLD:
+        for run, reason in told:
+            said.warn(f"Run {run} is left out: {reason}.")
+        return
+    alike: dict[str, list[str]] = {}
+    for run, reason in told:
+        alike.setdefault(_NUMBER.sub("#", reason), []).append(run)
+    ordered = sorted(alike.values(), key=len, reverse=True)
+    for members in ordered[:_CAUSES_TOLD]:
+        first, *others = members
+        also = f", and so {'is' if len(others) == 1 else 'are'} {listing(others, 6)}" if others else ""
+        said.warn(f"Run {first} is left out{also}: {runs.left_out[first]}.")
+    rest = [run for members in ordered[_CAUSES_TOLD:] for run in members]
+    if rest:
+        said.warn(
+            f"{counted(len(rest), 'more run')} left out for other reasons, see the quality findings: {listing(rest, 8)}."
+        )
 
 
 def _loops(said: Judgement, fit: DynamicFit) -> None:
