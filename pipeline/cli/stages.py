@@ -22,6 +22,7 @@ from pipeline.findings import Findings
 from pipeline.findings import storage as findings_storage
 from pipeline.findings.together import together
 from pipeline.recording.storage import sha256_of
+from pipeline.report.gathered import told
 from pipeline.rigs.registry import experiment as find_experiment
 
 
@@ -157,7 +158,7 @@ def _findings_of(other: str, campaign: Campaign) -> Path:
 
 def _told(findings: Findings, page: Path | None) -> int:
     click.echo(f"{findings.campaign}: {findings.verdict}")
-    for reason in findings.reasons:
+    for reason in told(findings.reasons, (run.run for run in findings.runs)):
         click.echo(f"  {reason}")
     if page is not None:
         click.echo(f"report: {page}")
