@@ -215,6 +215,21 @@ def test_one_log_and_a_pattern_are_places_too(there: Path, here: Path) -> None:
     assert sorted(fetch(f"{there}/r*.csv", here).fetched) == ["r1.csv", "r2.csv", "runs.csv"]
 
 
+def test_a_log_is_called_by_its_own_url(there: Path, tmp_path: Path) -> None:
+    archive = tmp_path / "logs.zip"
+    with zipfile.ZipFile(archive, "w") as file:
+        file.writestr("monday/r2.csv", LOG)
+
+    def called(url: str) -> list[str]:
+        source = Source(url, tmp_path)
+        return [source.called(log) for log in source.logs()]
+
+    for url in ("zip::", "zip://monday::", "zip://monday/*.csv::", "zip://monday/r2.csv::"):
+        assert called(f"{url}{archive}") == [f"zip://monday/r2.csv::{archive}"]
+    assert called(there.as_uri())[0] == called(f"{there.as_uri()}/monday/")[0] == f"{there.as_uri()}/monday/r3.csv"
+    assert called("there/monday/r3.csv") == ["there/monday/r3.csv"]
+
+
 @pytest.mark.parametrize(
     ("url", "words"),
     [

@@ -218,4 +218,4 @@ def _told(failed: Mapping[str, InputError], wanted: int) -> str:
     if len(failed) >= _ENOUGH_FAILED:
         return f"{message} {len(failed)} of {counted(wanted, 'log')} failed so far; the rest was not tried."
     others = [name for name in failed if name != first]
-    return f"{message} {f'The same or worse with {listing(others, 8)}.' if others else ''}".strip()
+    return f"{message} Not fetched either: {listing(others, 8)}." if others else message
