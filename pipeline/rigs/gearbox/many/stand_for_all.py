@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
 from pipeline.rigs.gearbox.outcome.paper import RPM, SPEEDS
-from pipeline.rigs.over_runs import OverRuns
+from pipeline.rigs.number_over_runs import OverRuns
 
 # A run stands for one of the paper's speeds within this share of it.
 _NEAR = 0.03

@@ -12,17 +12,15 @@ import numpy as np
 
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.torques.derived import Torque, ratio
-from pipeline.rigs.over_runs import OverRuns, over_runs
+from pipeline.rigs.number_over_runs import OverRuns, over_runs
 
 # Measured speeds that differ by less than this share are one; set ones are one where they are equal to four digits.
 _SAME = 0.03
 _RPM = 2.0 * math.pi / 60.0
-
-
 # What is off by less than this share is odd, but harmless to what the runs share.
 _SLIGHT = 0.01
-# A stretch between two steps with less than this share of the runs is an exception, like a single odd run.
-_SHORT = 0.1
+# A spell, or a stretch between two steps, with less than this share of the runs is an exception, like a single odd run.
+_SHORT = 0.2
 # Where a larger share of the runs is an exception, there are several kinds of runs and none is left out of what they share.
 _MOST = 1.0 / 3.0
 
@@ -64,18 +62,23 @@ def words_of(speed: float) -> str:
 
 
 def exceptions(watched: Sequence[OverRuns]) -> dict[str, str]:
-    """Return the runs on which what all share must not lean, with the number in which they are off.
+    """Return the runs on which what all share must not lean; none where a third of the runs would be exceptions."""
+    found = unlike(watched)
+    runs = max((len(number.runs) for number in watched), default=0)
+    return found if len(found) <= _MOST * runs else {}
 
-    Odd runs that are off by more than a little, and short stretches between two steps (a bad day). Where a third of the runs would be exceptions they are
-    none, and nothing is returned.
+
+def unlike(watched: Sequence[OverRuns]) -> dict[str, str]:
+    """Return the runs that are unlike the others, with the number in which they are off.
+
+    Odd runs that are off by more than a little, and short stretches of them: a bad day.
     """
     found: dict[str, str] = {}
     for number in watched:
         odd = [one.place for one in number.course.odd if abs(one.off) > _SLIGHT * _usual(number, one.place)]
         for place in [*odd, *_short_stretches(number)]:
             found.setdefault(number.runs[place], number.what)
-    runs = max((len(number.runs) for number in watched), default=0)
-    return found if len(found) <= _MOST * runs else {}
+    return found
 
 
 def _usual(number: OverRuns, place: int) -> float:
@@ -84,15 +87,13 @@ def _usual(number: OverRuns, place: int) -> float:
 
 
 def _short_stretches(number: OverRuns) -> list[int]:
-    """Return the places of the runs between two steps that are soon taken back."""
+    """Return the places of the runs of spells, and of those between two steps that are soon taken back."""
     known = np.flatnonzero(np.isfinite(number.values))
-    steps = sorted(
-        change.first
-        for change in number.course.changes
-        if change.kind == "step" and abs(change.size) > _SLIGHT * _usual(number, change.first)
-    )
-    parts = np.split(known, np.searchsorted(known, steps))
-    return [int(place) for part in parts[1:-1] if part.size < _SHORT * known.size for place in part]
+    changes = [one for one in number.course.changes if abs(one.size) > _SLIGHT * _usual(number, one.first)]
+    steps = sorted(one.first for one in changes if one.kind == "step")
+    parts = np.split(known, np.searchsorted(known, steps))[1:-1]
+    parts += [known[(known >= one.first) & (known <= one.last)] for one in changes if one.kind == "spell"]
+    return [int(place) for part in parts if part.size < _SHORT * known.size for place in part]
 
 
 def speed_groups(runs: Sequence[RunNumbers]) -> dict[float, list[str]]:

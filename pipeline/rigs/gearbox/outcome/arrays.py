@@ -20,7 +20,7 @@ from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.torques.nominal import type_b
 from pipeline.rigs.gearbox.vibration.sos_speed import teeth_in
 from pipeline.rigs.gearbox.vibration.vibration_numbers import VibrationNumbers
-from pipeline.rigs.over_runs import OverRuns
+from pipeline.rigs.number_over_runs import OverRuns
 
 if TYPE_CHECKING:
     import pandas as pd

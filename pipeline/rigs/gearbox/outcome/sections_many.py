@@ -15,7 +15,8 @@ from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Band, Cell, Column, Figure, Line, Mark, Panel, Points, Table, Value
 from pipeline.rigs.gearbox.many.watched import words_of
 from pipeline.rigs.gearbox.outcome.paper import RPM, SPEEDS, TORQUES
-from pipeline.rigs.over_runs import OverRuns, distribution_panel, odd_table, over_runs, trend_figure
+from pipeline.rigs.number_over_runs import OverRuns, over_runs
+from pipeline.rigs.over_runs import distribution_panel, odd_table, trend_figure
 
 if TYPE_CHECKING:
     import pandas as pd

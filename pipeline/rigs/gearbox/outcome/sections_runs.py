@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.errors import listing
 from pipeline.findings import Findings
 from pipeline.findings.figures import (
     Axis,
@@ -83,8 +84,11 @@ def of_stages(findings: Findings) -> list[Figure | Table | Text]:
     figures: list[Figure | Table | Text] = [_time_plot(findings, run) for run in shown]
     runs = findings.arrays["runs"]
     if is_many(findings):
-        odd = [str(run) for run in runs[runs["drawn"] == "odd"]["run"]]
-        about = "How do the runs look whose numbers are farthest off the others? Torques and stages as above."
+        far = runs[runs["drawn"] == "odd"]
+        odd = [str(run) for run in far["run"]]
+        off = [f"{run} in its {what}" for run, what in zip(odd, far["unlike"], strict=True) if what]
+        told = f" Off the others is {listing(off)}." if off else ""
+        about = f"How do the runs look whose numbers are farthest off? Torques and stages as above.{told}"
         oddest = [_panels(findings, "time_odd", "The oddest runs", about, odd)] if odd else []
         return [
             Text([told_shown(findings)]), *figures, *oddest, many.of_events(findings, EVENTS), *many.of_exchange(findings),

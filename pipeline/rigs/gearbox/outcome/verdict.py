@@ -166,7 +166,10 @@ def _input_speed(said: Judgement, campaign: CampaignNumbers) -> None:
     whys: dict[str, list[RunNumbers]] = {}
     for run in by["nominal"]:
         whys.setdefault(run.speed_in.why if run.speed_in else "", []).append(run)
-    because = "; ".join(f"{_names(runs)}: {why}" for why, runs in list(whys.items())[:_TOLD] if why)
+    alone = campaign.watched and len(whys) == 1
+    because = "; ".join(
+        f"{'' if alone else f'{_names(runs)}: '}{why}" for why, runs in list(whys.items())[:_TOLD] if why
+    )
     said.warn(
         f"The input speed in SOS is {told}{f' ({because})' if because else ''}: the power dissipated is an upper limit there, since a "
         "drive may droop by tens of percent."

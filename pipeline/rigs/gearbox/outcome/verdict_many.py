@@ -8,18 +8,19 @@ from pipeline.errors import counted, listing
 from pipeline.estimation.course import Change
 from pipeline.recording import QualityFinding
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
+from pipeline.rigs.gearbox.many.watched import unlike
 from pipeline.rigs.gearbox.outcome.core_numbers import kind_of
 from pipeline.rigs.judgement import Judgement
-from pipeline.rigs.over_runs import OverRuns
+from pipeline.rigs.number_over_runs import OverRuns
 
 # Kinds of faults, runs by name, and steps that are told.
 _KINDS, _NAMES, _STEPS = 5, 6, 4
-# Steps of several numbers within so many runs are one event.
+# Steps and spells of several numbers within so many runs are one event.
 _ONE_EVENT = 3
 
 
 def over_campaign(said: Judgement, campaign: CampaignNumbers) -> None:
-    """Say what drifts and steps over the campaign, and which runs are unlike the others."""
+    """Say what changes over the campaign, and which runs are unlike the others."""
     drifts = [
         _change(number, change)
         for number in campaign.watched
@@ -40,7 +41,7 @@ def over_campaign(said: Judgement, campaign: CampaignNumbers) -> None:
             f"out: {names}."
         )
         return
-    odd = {number.runs[one.place] for number in campaign.watched for one in number.course.odd}
+    odd = unlike(campaign.watched)
     if odd:
         said.warn(
             f"{len(odd)} of {len(campaign.runs)} runs are unlike the others: too many to be exceptions, so what the runs share is a mean over "
@@ -49,27 +50,39 @@ def over_campaign(said: Judgement, campaign: CampaignNumbers) -> None:
 
 
 def _steps(said: Judgement, watched: Sequence[OverRuns]) -> None:
-    """Say the steps, those of several numbers at one place together, in the order of the runs."""
+    """Say steps and spells, those of several numbers at one place together, the ones that most numbers show first."""
     found = sorted(
-        (
-            (change.first, number, change)
-            for number in watched
-            for change in number.course.changes
-            if change.kind == "step"
-        ),
-        key=lambda one: one[0],
+        ((number, change) for number in watched for change in number.course.changes if change.kind != "drift"),
+        key=lambda one: (one[1].kind, one[1].first, one[1].last),
     )
-    events: list[list[tuple[int, OverRuns, Change]]] = []
-    for one in found:
-        if events and one[0] - events[-1][-1][0] <= _ONE_EVENT:
-            events[-1].append(one)
+    events: list[list[tuple[OverRuns, Change]]] = []
+    for number, change in found:
+        before = events[-1][-1][1] if events else None
+        if (
+            before is not None
+            and before.kind == change.kind
+            and _near(before.first, change.first)
+            and _near(before.last, change.last)
+        ):
+            events[-1].append((number, change))
         else:
-            events.append([one])
-    for event in sorted(events, key=lambda event: (-len(event), event[0][0]))[:_STEPS]:
-        told = listing([_change(number, change) for _, number, change in event], 9)
-        said.warn(f"With run {event[0][1].runs[event[0][0]]} step: {told}. Look what was changed before it.")
+            events.append([(number, change)])
+    for event in sorted(events, key=lambda event: (-len(event), event[0][1].first))[:_STEPS]:
+        number, change = event[0]
+        told = listing([_change(*one) for one in event], 9)
+        if change.kind == "spell":
+            which = (
+                f"From run {number.runs[change.first]} to run {number.runs[change.last]} the runs are off the others"
+            )
+        else:
+            which = f"With run {number.runs[change.first]} the runs step"
+        said.warn(f"{which}: {told}. Look what was changed before it.")
     if len(events) > _STEPS:
-        said.warn(f"{counted(len(events) - _STEPS, 'more step')} over the campaign stand among the quality findings.")
+        said.warn(f"{counted(len(events) - _STEPS, 'more change')} over the campaign stand among the quality findings.")
+
+
+def _near(first: int, second: int) -> bool:
+    return abs(first - second) <= _ONE_EVENT
 
 
 def _change(number: OverRuns, change: Change) -> str:
@@ -108,7 +121,7 @@ def _tell(said: Judgement, kinds: Mapping[str, list[str]], words: Mapping[str, s
         is_ = f" {'is' if len(runs) == 1 else 'are'} {verb}" if verb else ""
         which = f"Run {runs[0]}{is_}" if len(runs) == 1 else f"{len(runs)} runs{is_} ({listing(runs, _NAMES)})"
         said.warn(
-            f"{which}: {ended(first)}{' So in the first; the numbers differ.' if len(runs) > 1 and '#' in kind else ''}"
+            f"{which}: {ended(first)}{' So in the first; numbers differ.' if len(runs) > 1 and kind.count('#') > 1 else ''}"
         )
     if len(ordered) > _KINDS:
         rest = {run for _, runs in ordered[_KINDS:] for run in runs}
