@@ -176,13 +176,22 @@ def _methods(findings: Findings, experiment: Experiment) -> list[Block | Figure]
 
 
 def _repeat(findings: Findings, experiment: Experiment, command: str) -> list[Block | Figure]:
-    blocks: list[Block | Figure] = [Code("Command", command)]
+    blocks: list[Block | Figure] = [Code("Command", _abridged(command))]
     facts = list(_facts(findings.provenance))
     if facts:
         blocks.append(Facts(facts))
     if findings.settings:
         blocks.append(_settings_table(findings.settings, experiment))
     return [*blocks, *_some(logs_table(findings))]
+
+
+def _abridged(command: str) -> str:
+    """Return a command that names very many logs by its beginning and its end."""
+    words = command.split(" ")
+    more = len(words) - 2 * MOST_TOLD
+    if more <= 0:
+        return command
+    return " ".join([*words[:MOST_TOLD], f"… {more} more words …", *words[-MOST_TOLD:]])
 
 
 def _facts(provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

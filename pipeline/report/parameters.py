@@ -7,6 +7,7 @@ frequency, run) share a table with one row an operating point and one column a p
 from __future__ import annotations
 
 import re
+import statistics
 from collections import Counter
 from collections.abc import Sequence
 
@@ -203,7 +204,8 @@ def _range_row(parameters: Sequence[Parameter], experiment: Experiment) -> tuple
     if not known:
         return Shown(symbol_of(parameters[0]), _meaning(parameters[0], experiment)), None, unit.name
     values = [unit.read(parameter.value or 0.0) for parameter in known]
-    about = f"{_meaning(known[0], experiment)}; range over {len(known)} operating points, see All parameters"
+    median = f"median {plain(statistics.median(values))}; " if len(known) > MOST_ROWS else ""
+    about = f"{_meaning(known[0], experiment)}; {median}range over {len(known)} operating points, see All parameters"
     return (
         Shown(symbol_of(known[0]), about),
         Reading(f"{plain(min(values), 3)} … {plain(max(values), 3)}"),

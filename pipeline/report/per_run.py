@@ -11,6 +11,7 @@ from pipeline.report.gathered import gathered
 from pipeline.report.numbers import THIN, alike, plain
 from pipeline.report.reading_units import ReadingUnit
 from pipeline.report.table import Head, Shown, TableView
+from pipeline.report.words import clean
 
 _RANGE = (0.05, 0.95)
 _MOST_REASONS = 3
@@ -55,7 +56,8 @@ def _row(what: Shown, unit: ReadingUnit, parameters: Sequence[Parameter], runs: 
     numbers = [float(number) for number in (low, middle, high, values[first], values[last])]
     texts = alike(numbers) or [plain(number) for number in numbers]
     ends = [
-        Shown(text, str(known[place].at["run"]), "number") for text, place in zip(texts[3:], (first, last), strict=True)
+        Shown(text, clean(str(known[place].at["run"])), "number")
+        for text, place in zip(texts[3:], (first, last), strict=True)
     ]
     span = Shown(f"{texts[0]} … {texts[2]}", kind="number")
     return [what, count, Shown(texts[1], kind="number"), span, *ends, Shown(unit.name)]

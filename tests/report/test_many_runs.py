@@ -71,6 +71,17 @@ def test_a_page_of_a_thousand_runs_is_small_and_paints_at_once(
     assert "rigfit export pads --to csv" in html
 
 
+def test_a_command_of_very_many_logs_is_told_by_both_ends(
+    many: Findings, make_experiment: Callable[..., Experiment]
+) -> None:
+    bare = many.model_copy(update={"parameters": [], "quality": [], "runs": [], "models": [], "reasons": []})
+    words = ["rigfit", "run", *(f"logs/{run}.csv" for run in NAMES), "--out", "here"]
+    html = render_report(bare, make_experiment(lambda _: []), "", " ".join(words))
+    assert "rigfit run logs/r0000.csv" in html
+    assert "… 924 more words …" in html
+    assert "logs/r0999.csv --out here" in html
+
+
 def test_sentences_are_gathered_by_what_they_say() -> None:
     texts = [
         "run 'a1' is late by 3 ms",
