@@ -40,7 +40,9 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder.mkdir()
     for name in ("dvc.yaml", ".dvcignore", ".gitignore"):
         shutil.copy(ROOT / name, folder / name)
-    (folder / "params.yaml").write_text("campaigns: []\nsynthetic:\n  - one\ndatasets: {}\nuses: [{campaign: two, of: one}]\n")
+    (folder / "params.yaml").write_text(
+        "campaigns: []\nsynthetic:\n  - one\ndatasets: {}\nuses: [{campaign: two, of: one}]\n"
+    )
     for part in ("ingest", "recording", "rigs", "estimation", "signals", "findings", "report"):
         (folder / "pipeline" / part).mkdir(parents=True)
         (folder / "pipeline" / part / "code.py").write_text("")
