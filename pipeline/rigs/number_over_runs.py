@@ -84,6 +84,18 @@ class OverRuns:
         verb = "is" if len(odd) == 1 else "are"
         return f"In {self.what} {counted(len(odd), 'run')} of {self._known} {verb} off the others: {', '.join(told)}{more}."
 
+    def change_in_short(self, change: Change) -> str:
+        """Say a change with its size and its 95 % interval, as part of a sentence on several."""
+        low, high = change.ci95
+        size = f"{self._size(change.size)} ({self._size(low)} to {self._size(high)})"
+        first, last = self.runs[change.first], self.runs[change.last]
+        where = {
+            "drift": "drifts by",
+            "step": f"steps at run '{first}' by",
+            "spell": f"is off from run '{first}' to run '{last}' by",
+        }
+        return f"{self.what} {where[change.kind]} {size}"
+
     def odd_in_short(self) -> str:
         """Name the runs that are off the others, and by how much; for where a table tells the rest."""
         odd = [f"'{self.runs[one.place]}' ({self.off_text(one)})" for one in self.course.odd]

@@ -68,7 +68,8 @@ def trend_panel(found: OverRuns, title: str = "") -> Panel:
     x, y, expected = np.arange(1.0, told.values.size + 1), told.values - base, told.expected - base
     half = 1.96 * told.std_errors
     reach = _IN_VIEW * told.spread
-    parts = [_spaced(part) for part in np.split(known, np.searchsorted(known, _steps(told)))]
+    levels = np.split(known, np.searchsorted(known, _steps(told)))  # the runs between steps
+    parts = [_spaced(part) for part in levels]
     at = np.concatenate(parts)
     spread = told.spread[at] if known.size <= _BARS_UP_TO else np.full(at.size, float(np.median(told.spread[known])))
     marks: list[Mark] = [
@@ -79,7 +80,7 @@ def trend_panel(found: OverRuns, title: str = "") -> Panel:
     low, high = _about(y, half)
     marks.append(Points(x[usual], y[usual], 0, "runs", low[usual] if bars else None, high[usual] if bars else None))
     if known.size > _BARS_UP_TO:
-        marks.append(_blocks(x[usual], (y - expected)[usual], expected[usual]))
+        marks.append(_blocks(x, y, expected, [part[np.isin(part, usual)] for part in levels]))
     marks += [Line(x[part], expected[part], "model", "expected") for part in parts if part.size]
     if odd.size:
         far = np.abs(y - expected)[odd] > reach[odd]
@@ -114,13 +115,14 @@ def _steps(told: Course) -> list[int]:
     return sorted({*firsts, *(change.last + 1 for change in told.changes if change.kind == "spell")})
 
 
-def _blocks(x: np.ndarray, off: np.ndarray, expected: np.ndarray) -> Points:
-    """Return the mean of each block of neighbouring runs with its 95 % limits."""
-    parts = np.array_split(np.arange(x.size), _BLOCKS)
-    middle = np.array([x[part].mean() for part in parts])
-    mean = np.array([(off + expected)[part].mean() for part in parts])
-    half = np.array([t_quantile(part.size - 1) * off[part].std(ddof=1) / math.sqrt(part.size) for part in parts])
-    return Points(middle, mean, "residual", f"mean of {x.size // _BLOCKS} runs", mean - half, mean + half)
+def _blocks(x: np.ndarray, y: np.ndarray, expected: np.ndarray, levels: Sequence[np.ndarray]) -> Points:
+    """Return the means of neighbouring runs between steps, with their 95 % limits beside what is expected."""
+    length = max(sum(part.size for part in levels) // _BLOCKS, 2)
+    blocks = [block for part in levels if part.size > 1 for block in np.array_split(part, max(part.size // length, 1))]
+    middle, mean = (np.array([values[block].mean() for block in blocks]) for values in (x, y))
+    off = [(y - expected)[block] for block in blocks]
+    half = np.array([t_quantile(one.size - 1) * one.std(ddof=1) / math.sqrt(one.size) for one in off])
+    return Points(middle, mean, "residual", "mean of neighbours", mean - half, mean + half)
 
 
 def trend_figure(numbers: Sequence[OverRuns], name: str, title: str, caption: str = "", columns: int = 1) -> Figure:
@@ -128,7 +130,8 @@ def trend_figure(numbers: Sequence[OverRuns], name: str, title: str, caption: st
 
     `caption` asks the question; what changes and which runs are odd is said after it.
     """
-    told = [number.change_sentence(change) for number in numbers for change in number.course.changes]
+    changes = [number.change_in_short(change) for number in numbers for change in number.course.changes]
+    told = [f"With 95 % intervals: {'; '.join(changes)}."] if changes else []
     told += [number.odd_in_short() for number in numbers if number.course.odd]
     calm = [number.what for number in numbers if not number.sentences()]
     if calm:
