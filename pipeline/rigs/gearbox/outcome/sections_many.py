@@ -39,7 +39,8 @@ def of_campaign(findings: Findings) -> list[Figure | Table]:
         numbers,
         "over_campaign",
         "Numbers of the runs over the campaign",
-        "Does the gearbox wear or warm up, was a day unlike the others, which runs are odd? Each run beside the level of its speed.",
+        "Does the gearbox wear or warm up, was a day unlike the others, which runs are odd?"
+        + (" Each run beside the level of its speed." if numbers[0].grouped else ""),
         columns=2,
     )
     spread = Figure(
@@ -224,7 +225,9 @@ def of_clocks(findings: Findings) -> list[Table]:
 def friction_panel(
     points: pd.DataFrame, curve: pd.DataFrame, findings: Findings, axis: Axis, title: str
 ) -> Panel | None:
-    """Return drag or slip torque over speed: the runs as dots, those unlike the others apart, each speed's mean with its scatter."""
+    """Return drag or slip torque over speed: the runs as dots, those unlike the others apart; None where all have one speed."""
+    if points.empty or np.ptp(points["x"]) < NEAR * points["x"].max():
+        return None
     runs = findings.arrays["runs"].set_index("run")["unlike"]
     odd = points["run"].map(runs).fillna("") != ""
     marks: list[Mark] = []
@@ -237,7 +240,7 @@ def friction_panel(
     for part, role, label in ((points[~odd], "measured", "runs"), (points[odd], "fault", "unlike the others")):
         if len(part):
             marks.append(Points(part["x"].to_numpy(), part["value"].to_numpy(), role, label))  # type: ignore[arg-type]
-    return Panel(marks, axis, Axis("torque", "N*m"), title) if marks else None
+    return Panel(marks, axis, Axis("torque", "N*m"), title)
 
 
 def map_points(table: pd.DataFrame, findings: Findings, states: Sequence[str]) -> list[Mark]:
