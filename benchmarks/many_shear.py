@@ -2,8 +2,8 @@
 
     python -m benchmarks.many_shear FOLDER [--runs 1000] [--bad 0.02] [--scatter 0.004] [--drift 0] [--bad-day]
 
-writes the logs into FOLDER (a campaign's folder in `datasets/`), with `runs.csv` beside them, and says which runs hold
-which fault. Nothing is identified here: `rigfit ingest`, `rigfit identify` and `rigfit report` do that.
+writes the logs into FOLDER (a campaign's folder in `datasets/`), and beside it FOLDER-faults.csv: run, fault, gain. Nothing is
+identified here: `rigfit ingest`, `rigfit identify` and `rigfit report` do that.
 """
 
 from __future__ import annotations
@@ -165,8 +165,8 @@ def main() -> None:
     given = vars(options.parse_args())
     folder = given.pop("folder")
     made = write(Campaign(**given), folder)
-    writer = csv.writer(open(folder.with_name(f"{folder.name}-faults.csv"), "w", newline="", encoding="utf-8"))  # noqa: SIM115
-    writer.writerows([plan.run.name, plan.fault, f"{plan.gain:.5f}"] for plan in made)
+    with folder.with_name(f"{folder.name}-faults.csv").open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([plan.run.name, plan.fault, f"{plan.gain:.5f}"] for plan in made)
 
 
 if __name__ == "__main__":

@@ -85,7 +85,8 @@ def _conditions(runs: SortedRuns) -> dict[str, str]:
         members = [loops[int(i)] for i in part.index.to_numpy()]
         f, X = (float(np.median([getattr(loop, name) for loop in members])) for name in ("frequency", "amplitude"))
         named |= dict.fromkeys(
-            part["run"], f"{f:.3g} Hz, {1e3 * X:.2g} mm" + (f", {levels[labels[int(part.index[0])]]:g} A" if known else "")
+            part["run"],
+            f"{f:.3g} Hz, {1e3 * X:.2g} mm" + (f", {levels[labels[int(part.index[0])]]:g} A" if known else ""),
         )
     return named
 

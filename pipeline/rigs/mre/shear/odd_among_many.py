@@ -29,6 +29,7 @@ _CHANCE, _GAIN_SIZE, _SHAPE_SIZE = 0.003, 0.01, 0.005
 # Runs that can be odd at most, of all and of one condition; conditions of fewer runs are not judged.
 _MOST_ODD, _MOST_OF_CONDITION, _REPEATS = 1 / 3, 0.5, 4
 _ROUNDS = 12
+_OF_MEDIAN = 0.37  # degrees of freedom of a scale from the median, as a share of its number
 # Misfits below this share of the force, and of the median misfit, count as equally good.
 _LEAST_MISFIT, _LEAST_OF_MEDIAN = 1e-4, 0.3
 _RICHEST = "ksa"  # holds the paper's variant and two more: what a run of it contradicts, it contradicts by itself
@@ -112,7 +113,7 @@ def _per_run(model: HarmonicModel, rows: np.ndarray) -> np.ndarray:
 
 def _odd(model: HarmonicModel, fit: SeparableFit) -> np.ndarray:
     """Tell which runs stand off the crowd, shape (runs,): by their gain, or by what no gain explains."""
-    from scipy.special import ndtri
+    from scipy.special import stdtrit
 
     modelled = model.predicted(fit.q, fit.c)
     force, missed = model.whitened(modelled), model.whitened(model.real_data - modelled)
@@ -120,9 +121,11 @@ def _odd(model: HarmonicModel, fit: SeparableFit) -> np.ndarray:
     gain = V.across(missed) / V.squares
     rest = _per_run(model, missed - V.along(gain))
     number = np.bincount(model.groups)
-    limit = -float(ndtri(_CHANCE / 2 / gain.size))
     off = np.abs(gain - np.median(gain))
-    by_gain = off > np.maximum(limit * 1.4826 * float(np.median(off)), _GAIN_SIZE)
+    # As many gains as there are parameters are fitted away: the least sum of misfits passes through them.
+    left = np.sort(off)[min(fit.jacobian.shape[1], gain.size // 2) :]
+    limit = -float(stdtrit(_OF_MEDIAN * left.size, _CHANCE / 2 / gain.size))
+    by_gain = off > np.maximum(limit * 1.4826 * float(np.median(left)), _GAIN_SIZE)
     # The cube root of a mean of squares is all but normal (Wilson and Hilferty 1931).
     usual = (rest / number) ** (1 / 3)
     above = usual - np.median(usual)

@@ -116,7 +116,7 @@ def _loops(findings: Findings) -> list[Figure]:
             "right proves little: see the residuals.",
             "force over displacement, samples and model, one panel a run",
             panels,
-            columns=4 if len(panels) > 4 else 2,
+            columns=3 if of_many else 4 if len(panels) > 4 else 2,
             share_x=True,
             share_y=True,
         )
@@ -130,7 +130,7 @@ def _loops(findings: Findings) -> list[Figure]:
                 "run is the model's fault, one that does not is the run's.",
                 "residual force over displacement, one panel a run",
                 rest,
-                columns=4 if len(rest) > 4 else 2,
+                columns=3 if of_many else 4 if len(rest) > 4 else 2,
                 share_x=True,
                 share_y=True,
             )

@@ -40,8 +40,8 @@ def numbers_over_runs(findings: Findings) -> list[OverRuns]:
     if table["condition"].value_counts().median() >= _REPEATS:
         chosen.append(("storage stiffness", table["stiffness_storage"].to_numpy(float), groups))
         chosen.append(("loss factor", table["loss_factor"].to_numpy(float), groups))
-    if "nrmse" in table:
-        chosen.append(("misfit of the force", table["nrmse"].to_numpy(float), groups if len(chosen) > 1 else None))
+    if "nrmse" in table and not chosen:
+        chosen.append(("misfit of the force", table["nrmse"].to_numpy(float), None))
     known = [one for one in chosen if np.isfinite(one[1]).mean() > 0.5]
     order = {name: _told(table, name) for name in ("sequence", "begins")}
     units = {"storage stiffness": "N/m"}
@@ -93,8 +93,8 @@ def by_condition(findings: Findings) -> list[Table]:
     ):
         cells: list[Cell] = [str(condition), float(len(part))]
         for name in _METRICS:
-            value, low, high = _mean(part[name].to_numpy(float))
-            cells.append(Value(value, None if low is None else (high - low) / 4, None if low is None else (low, high)))
+            value, low, high = _mean_of(part, name)
+            cells.append(Value(value, (high - low) / 4, (low, high)))
         cells.append(
             None
             if len(part) < 2
@@ -106,7 +106,7 @@ def by_condition(findings: Findings) -> list[Table]:
         Table(
             "metrics_by_condition",
             "Loop metrics by condition",
-            f"Without the dynamic model: means of the runs of a condition with the 95 % interval by their scatter; {every}. For an "
+            f"Without the dynamic model: means of the runs of a condition with the 95 % interval by their scatter, of one run its own; {every}. For an "
             "ellipse K_sec is |K*|, not K'.",
             [Column("condition"), Column("runs", "1"), *_METRICS.values(), Column("scatter of K'", "%")],
             rows,
@@ -114,11 +114,12 @@ def by_condition(findings: Findings) -> list[Table]:
     ]
 
 
-def _mean(values: np.ndarray) -> tuple[float, float | None, float]:
-    values = values[np.isfinite(values)]
-    mean = float(values.mean())
+def _mean_of(runs: pd.DataFrame, name: str) -> tuple[float, float, float]:
+    """Return the mean of the runs of one condition and its 95 % interval by their scatter; one run keeps its own."""
+    values = runs[name].to_numpy(float)
     if values.size < 2:
-        return mean, None, mean
+        return float(values[0]), float(runs[f"{name}_low"].iloc[0]), float(runs[f"{name}_high"].iloc[0])
+    mean = float(values.mean())
     half = t_quantile(values.size - 1) * float(values.std(ddof=1)) / np.sqrt(values.size)
     return mean, mean - half, mean + half
 
@@ -136,9 +137,7 @@ def means(runs: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     for _, part in runs.groupby("condition"):
         row = {key: float(part[key].astype(float).mean()) for key in _CONDITION}
         for name in names:
-            value, low, high = _mean(part[name].to_numpy(float))
-            row |= {name: value, f"{name}_low": low if low is not None else float(part[f"{name}_low"].iloc[0])}
-            row |= {f"{name}_high": high if low is not None else float(part[f"{name}_high"].iloc[0])}
+            row[name], row[f"{name}_low"], row[f"{name}_high"] = _mean_of(part, name)
         rows.append(row)
     return pd.DataFrame(rows)
 

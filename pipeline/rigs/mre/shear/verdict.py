@@ -81,7 +81,7 @@ def _left_out(said: Judgement, runs: SortedRuns) -> None:
     rest = [run for members in ordered[_CAUSES_TOLD:] for run in members]
     if rest:
         said.warn(
-            f"{counted(len(rest), 'more run')} left out for other reasons, see the quality findings: {listing(rest, 8)}."
+            f"{counted(len(rest), 'more run')} {'is' if len(rest) == 1 else 'are'} left out for other reasons, see the quality findings: {listing(rest, 8)}."
         )
 
 
