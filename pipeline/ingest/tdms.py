@@ -6,6 +6,7 @@ clocks. A waveform's start and increment are its time; a group without any needs
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -90,6 +91,7 @@ class TdmsReader(Reader):
 def _opened(path: Path) -> Iterator[Any]:
     """Open a file; whatever npTDMS stumbles over in a broken one is an InputError."""
     tdms = library("nptdms", "tdms", path, "a TDMS log (LabVIEW)")
+    tdms.log.log_manager.set_level(logging.CRITICAL)  # what it would print, the reader tells
     try:
         with tdms.TdmsFile.open(path) as file:
             yield file
