@@ -22,6 +22,7 @@ _RASTER_FROM = 3000
 _CAPS_UP_TO = 60
 _BIG_POINTS_UP_TO = 60
 _SHAPED_POINTS_UP_TO = 600
+_ONE_PATH_FROM = 200  # bars
 _DOTS_UP_TO = 12_000  # more are a picture
 _DOT = 2.6  # px
 _SHAPES_ON_A_LINE = 6
@@ -31,6 +32,9 @@ _MEASURED_UNDER_A_MODEL = {"marker": "o", "markersize": 6.5}  # samples show on 
 _DASH = (0, (4, 2.2))
 _Z = {"Outline": 0.8, "Band": 1.0, "Rule": 1.5, "Stems": 2.0, "Line": 2.5, "Points": 3.0}
 _Z_ROLE = {"measured": -0.3, "model": 0.2, "fault": 0.4}
+
+
+_Ends = tuple[np.ndarray, np.ndarray]  # x and y of points
 
 
 def draw_marks(axes: Axes, marks: Sequence[Mark], x: Scale, y: Scale, inner: tuple[float, float], font: float) -> None:
@@ -167,15 +171,14 @@ def _points(axes: Axes, mark: Points, x: Scale, y: Scale, z: float, below: bool)
     if mark.low is not None and mark.high is not None:
         low, high = y.shown(mark.low), y.shown(mark.high)
         low = np.where(np.isnan(low) & np.isfinite(high), y.low, low)  # below what a logarithmic axis shows
-        bars = axes.vlines(xs, low, high, colors=look.light, linewidth=1.1, zorder=z - 0.05)
-        bars.set_rasterized(many)
+        _bars(axes, (xs, low), (xs, high), look.light, z - 0.05)
         if xs.size <= _CAPS_UP_TO:
             for limit in (low, high):
                 axes.plot(xs, limit, linestyle="none", marker="_", color=look.light, markersize=6, zorder=z - 0.05)
     if mark.left is not None and mark.right is not None:
         left, right = x.shown(mark.left), x.shown(mark.right)
         left = np.where(np.isnan(left) & np.isfinite(right), x.low, left)
-        axes.hlines(ys, left, right, colors=look.light, linewidth=1.1, zorder=z - 0.05).set_rasterized(many)
+        _bars(axes, (left, ys), (right, ys), look.light, z - 0.05)
     if _SHAPED_POINTS_UP_TO < xs.size <= _DOTS_UP_TO and not below:
         _dots(axes, xs, ys, look.light, z)
         return
@@ -189,19 +192,35 @@ def _points(axes: Axes, mark: Points, x: Scale, y: Scale, z: float, below: bool)
     drawn.set_rasterized(many)
 
 
+def _bars(axes: Axes, ends: _Ends, others: _Ends, colour: str, z: float) -> None:
+    """Draw a bar from each of `ends` to the one of `others`: a few as lines, many as one path, very many as a picture."""
+    count = ends[0].size
+    if _ONE_PATH_FROM < count <= _RASTER_FROM:
+        _segments(axes, ends, others, colour, z, linewidth=1.1, capstyle="butt")
+        return
+    along_y = ends[0] is others[0]
+    draw = axes.vlines if along_y else axes.hlines
+    at, low, high = (ends[0], ends[1], others[1]) if along_y else (ends[1], ends[0], others[0])
+    draw(at, low, high, colors=colour, linewidth=1.1, zorder=z).set_rasterized(count > _RASTER_FROM)
+
+
 def _dots(axes: Axes, xs: np.ndarray, ys: np.ndarray, colour: str, z: float) -> None:
-    """Draw dots as one path of segments without length and with round ends: one element of the page, sharp at any size."""
+    """Draw dots as segments without length and with round ends, sharp at any size."""
+    crowded = xs.size > _RASTER_FROM
+    _segments(axes, (xs, ys), (xs, ys), colour, z, capstyle="round",
+              linewidth=_DOT / 2 if crowded else _DOT, alpha=0.5 if crowded else None)  # fmt: skip
+
+
+def _segments(axes: Axes, ends: _Ends, others: _Ends, colour: str, z: float, **look: Any) -> None:
+    """Draw segments as one path, which is one element of the page; those with an end that is not finite are left out."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
-    known = np.isfinite(xs) & np.isfinite(ys)
-    corners = np.repeat(np.column_stack([xs[known], ys[known]]), 2, axis=0)
-    codes = np.tile([Path.MOVETO, Path.LINETO], int(known.sum()))
-    path = Path(corners, codes)
+    corners = np.stack([np.column_stack(ends), np.column_stack(others)], axis=1)
+    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
+    path = Path(corners.reshape(-1, 2), np.tile([Path.MOVETO, Path.LINETO], corners.shape[0]))
     path.should_simplify = False
-    crowded = bool(known.sum() > _RASTER_FROM)
-    axes.add_patch(PathPatch(path, edgecolor=colour, facecolor="none", capstyle="round", zorder=z,
-                             linewidth=_DOT / 2 if crowded else _DOT, alpha=0.5 if crowded else None))  # fmt: skip
+    axes.add_patch(PathPatch(path, edgecolor=colour, facecolor="none", zorder=z, **look))
 
 
 def _band(axes: Axes, mark: Band, x: Scale, y: Scale, width: float, z: float) -> None:
