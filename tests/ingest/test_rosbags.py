@@ -136,7 +136,6 @@ def test_a_missing_library_is_asked_for_where_definitions_are_missing(
 ) -> None:
     new, old = logs.write_db3(tmp_path / "new.db3"), logs.write_old_db3(tmp_path / "old.db3")
     bag = logs.write_bag(tmp_path / "r.bag")
-    definitions._of_ros.cache_clear()
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
     assert len(registry.open_log(new).tables) == len(registry.open_log(bag).tables) == 2
     with pytest.raises(InputError, match=r"old\.db3.*optional extra 'ros'.*pip install 'rigfit\[ros\]'"):

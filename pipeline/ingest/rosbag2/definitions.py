@@ -19,7 +19,6 @@ _SEPARATOR = "=" * 80
 _DISTRIBUTION = "humble"
 _BUILT_IN = {*COMMON, "byte", "string", "wstring"}
 _TYPE = re.compile(r"^\s*([\w/]+)(?:<=\d+)?(?:\[(?:<=)?\d*\])?\s+\w+")
-_NEEDS_NO_TEXT = {"Time", "Duration"}
 
 Definition = tuple[str, bytes]
 
@@ -62,7 +61,10 @@ class Definitions:
             return None
         body = self._beside(kind)
         if body is None:
-            body = _of_ros(self.path).get(kind)
+            library(
+                "rosbags.typesys", "ros", self.path, "a ROS 2 bag that does not hold the definitions of its messages"
+            )
+            body = _of_ros().get(kind)
             if body is None:
                 return kind
             self.sources.add(f"of ROS 2 {_DISTRIBUTION.capitalize()}")
@@ -96,8 +98,9 @@ def _full(kind: str, inside: str) -> str:
 
 
 @cache
-def _of_ros(path: Path) -> Mapping[str, str]:
+def _of_ros() -> Mapping[str, str]:
     """Return the definitions of ROS 2's own types, each without those of its parts."""
-    store = library("rosbags.typesys", "ros", path, "a ROS 2 bag that does not hold the definitions of its messages")
-    types = store.get_typestore(store.Stores(f"ros2_{_DISTRIBUTION}"))
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores(f"ros2_{_DISTRIBUTION}"))
     return {kind: types.generate_msgdef(kind, ros_version=2)[0].split(_SEPARATOR)[0] for kind in types.fielddefs}
