@@ -172,9 +172,10 @@ def over_runs(
         If no run has a value.
     """
     place, order = _order(runs, sequence, begins)
-    timed = begins is not None and all(moment is not None for moment in begins)
-    labels = None if groups is None else [groups[at] for at in place]
+    moments = None if begins is None else _numbers([begins[at] for at in place])
     ordered = _numbers([values[at] for at in place])
+    if not np.isfinite(ordered).any():
+        raise ValueError(f"none of the runs has a value of {what}")
     own = _numbers([None if std_errors is None else std_errors[at] for at in place])
     labels = None if groups is None else [groups[at] for at in place]
     if labels is None or len(set(labels)) < 2:
@@ -187,7 +188,7 @@ def over_runs(
         found = course((ordered - level) / size, own / size, labels, among=among)
     return OverRuns(
         what, unit, [runs[at] for at in place], ordered, own, order,
-        [float(begins[at] or 0.0) for at in place] if begins is not None and timed else None,
+        moments.tolist() if moments is not None and np.isfinite(moments).all() else None,
         labels is not None and len(set(labels)) > 1, share, found,
     )  # fmt: skip
 
@@ -209,13 +210,15 @@ def _group_level(values: np.ndarray, labels: Sequence[Hashable]) -> np.ndarray:
 def _order(
     runs: Sequence[str], sequence: Sequence[float | None] | None, begins: Sequence[float | None] | None
 ) -> tuple[list[int], str]:
-    for keys, told in (
+    names = [natural(run) for run in runs]
+    for given, told in (
         (sequence, "in the order of their sequence numbers"),
         (begins, "in the order in which the logs begin"),
     ):
-        if keys is not None and all(key is not None for key in keys) and len(set(keys)) > 1:
-            return sorted(range(len(runs)), key=lambda at: (keys[at], natural(runs[at]))), told
-    return sorted(range(len(runs)), key=lambda at: natural(runs[at])), "in the order of their names"
+        keys = _numbers([] if given is None else list(given))
+        if np.isfinite(keys).all() and np.unique(keys).size > 1:
+            return sorted(range(len(runs)), key=lambda at: (float(keys[at]), names[at])), told
+    return sorted(range(len(runs)), key=lambda at: names[at]), "in the order of their names"
 
 
 def natural(name: str) -> list[tuple[int, str]]:

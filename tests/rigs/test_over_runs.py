@@ -115,3 +115,13 @@ def test_runs_without_the_number_are_left_out() -> None:
     number = over_runs("x", "1", list("abcdefgh"), values, groups=["1", "2"] * 4)
     assert np.isfinite(number.course.expected).sum() == 6
     trend_panel(number)
+
+
+def test_a_number_that_no_run_tells_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="value of slip torque"):
+        over_runs("slip torque", "N*m", ["a", "b"], [None, None], groups=["1", "2"])
+
+
+def test_moments_that_are_not_all_known_give_no_order() -> None:
+    number = over_runs("x", "1", ["a", "b"], [1.0, 2.0], begins=[5.0, float("nan")])
+    assert (number.order, number.begins) == ("in the order of their names", None)
