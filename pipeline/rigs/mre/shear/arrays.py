@@ -168,14 +168,15 @@ def _half_cycles(runs: SortedRuns) -> pd.DataFrame:
 
 
 def _residual_harmonics(fit: DynamicFit | None) -> pd.DataFrame:
-    """Return the misfit of each harmonic over its standard deviation, real and imaginary part."""
+    """Return the misfit of each harmonic over its standard deviation; of many runs with their own gains taken out."""
     if fit is None:
         return pd.DataFrame()
     from pipeline.rigs.mre.model.loop_noise import effective_sd
 
     parts = []
     for loop in fit.loops:
-        error = ((loop.F - fit.predicted(loop)) / effective_sd(loop))[loop.kept]
+        gain = fit.gain_by_run[loop.run] if len(fit.loops) > MANY else 0.0
+        error = ((loop.F - (1 + gain) * fit.predicted(loop)) / effective_sd(loop))[loop.kept]
         order = np.arange(1, loop.F.size + 1)[loop.kept]
         parts.append(pd.DataFrame({"run": loop.run, "order": order, "real": error.real, "imaginary": error.imag}))
     return pd.concat(parts, ignore_index=True)

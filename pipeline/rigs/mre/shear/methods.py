@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pipeline.errors import counted, listing
 from pipeline.findings import Findings
 from pipeline.rigs.mre.shear.parameters import VARIANT_TEXTS
+from pipeline.rigs.mre.shear.sections_many import is_many
 
 
 def methods(findings: Findings) -> Sequence[str]:
@@ -45,9 +46,21 @@ def _selection(findings: Findings) -> str:
     return (
         "Each run was sorted by its displacement: still, one load and unload, steady cycles, or neither. Runs with a dead, "
         "stuck or clipped channel, or with a loop that would give energy, were left out; still stretches, cycles before "
-        "the steady state and lone wild samples do not enter. A run that contradicts the others was set aside where these "
-        "agree without it (chi2 per degree of freedom below 2, or less than half the scatter) and without no other."
-        f"{told}"
+        f"the steady state and lone wild samples do not enter. {_contradicting(findings)}{told}"
+    )
+
+
+def _contradicting(findings: Findings) -> str:
+    if not is_many(findings):
+        return (
+            "A run that contradicts the others was set aside where these agree without it (chi2 per degree of freedom below 2, or "
+            "less than half the scatter) and without no other."
+        )
+    return (
+        "The dynamic model was first fitted to all loops with the sum of the runs' relative misfits least, which odd runs hardly "
+        "bend. A run was set aside whose gain is more than 1 % off the others', or what no gain explains more than 0.5 % of the "
+        "force, where chance would bring about such a run in less than 3 of 1000 campaigns, judged by the median of all runs; not so "
+        "where most runs of its condition are off."
     )
 
 
@@ -104,8 +117,14 @@ def _errors(findings: Findings) -> str:
         if allowed
         else "No gain error from run to run was allowed. "
     )
+    together = (
+        "Because noise averages out over many runs and what they share does not, standard errors are no smaller than those by the "
+        "scatter between runs, between conditions and between stretches of the campaign (sandwich of Bell and McCaffrey 2002). "
+        if is_many(findings)
+        else ""
+    )
     return (
-        f"{text}Intervals hold 95 %; they are Student's with the degrees of freedom of the scatter and contain type A "
+        f"{text}{together}Intervals hold 95 %; they are Student's with the degrees of freedom of the scatter and contain type A "
         "contributions only: a gain error common to all runs scales stiffness, damping and force and is not in them. "
         "A parameter is called undetermined where the Jacobian's condition and its own error say so."
     )

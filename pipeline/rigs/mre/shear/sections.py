@@ -45,7 +45,11 @@ def sections(findings: Findings) -> Sequence[Section]:
         Section("loops", "Measured loops and the model", [*_loops(findings), *_half_cycles(findings)]),
         Section("records", "Records without a period", _records(findings)),
         Section("over_runs", "From run to run", of_many(findings) if is_many(findings) else []),
-        Section("metrics", "Stiffness and damping of each run", _metrics(findings)),
+        Section(
+            "metrics",
+            "Stiffness and damping by condition" if is_many(findings) else "Stiffness and damping of each run",
+            _metrics(findings),
+        ),
         Section("field", "What the field adds", of_field(findings)),
         Section("fit", "How well the model is known", of_fit(findings)),
     ]

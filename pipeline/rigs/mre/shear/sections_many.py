@@ -15,6 +15,7 @@ from pipeline.rigs.over_runs import MANY, OverRuns, distribution_panel, odd_tabl
 
 # Conditions are compared with themselves where half of them have so many repeats.
 _REPEATS = 4
+_NO_CURRENT = 1e-5
 _CONDITION = ["current", "frequency", "amplitude"]
 _METRICS = {
     "stiffness_secant": Column("K_sec", "N/m"),
@@ -45,8 +46,19 @@ def numbers_over_runs(findings: Findings) -> list[OverRuns]:
     known = [one for one in chosen if np.isfinite(one[1]).mean() > 0.5]
     order = {name: _told(table, name) for name in ("sequence", "begins")}
     units = {"storage stiffness": "N/m"}
+    # The interval of a stiffness holds the scatter between runs already, that of a loss factor noise alone.
+    errors = {"loss factor": (table["loss_factor_high"] - table["loss_factor_low"]).to_numpy(float) / 3.92}
     return [
-        over_runs(what, units.get(what, "1"), list(table["run"]), values, groups=by, among=len(known), **order)
+        over_runs(
+            what,
+            units.get(what, "1"),
+            list(table["run"]),
+            values,
+            errors.get(what),
+            groups=by,
+            among=len(known),
+            **order,
+        )
         for what, values, by in known
     ]
 
@@ -88,9 +100,7 @@ def by_condition(findings: Findings) -> list[Table]:
     table = findings.arrays["runs"]
     table = table[table["stiffness_secant"].notna()]
     rows: list[Sequence[Cell]] = []
-    for condition, part in sorted(
-        table.groupby("condition"), key=lambda entry: tuple(entry[1][_CONDITION].fillna(0).median())
-    ):
+    for condition, part in sorted(table.groupby("condition"), key=lambda entry: _place(entry[1])):
         cells: list[Cell] = [str(condition), float(len(part))]
         for name in _METRICS:
             value, low, high = _mean_of(part, name)
@@ -112,6 +122,13 @@ def by_condition(findings: Findings) -> list[Table]:
             rows,
         )
     ]
+
+
+def _place(runs: pd.DataFrame) -> tuple[float, ...]:
+    """Return what sorts conditions: current, frequency, amplitude, to two digits."""
+    return tuple(
+        float(f"{value:.2g}") if abs(value) > _NO_CURRENT else 0.0 for value in runs[_CONDITION].fillna(0).median()
+    )
 
 
 def _mean_of(runs: pd.DataFrame, name: str) -> tuple[float, float, float]:
@@ -160,7 +177,7 @@ def residual_quantiles(findings: Findings) -> list[Figure]:
             "residual_harmonics",
             "Residual by harmonic",
             f"Is the residual no more than noise? Median of all runs, and the range that holds 95 of 100, of the misfit of each "
-            f"harmonic over its standard deviation, run scatter not taken out; {100 * share:.0f} % lie within 1.96, 95 % would for "
+            f"harmonic over its standard deviation, the gain of each run taken out; {100 * share:.0f} % lie within 1.96, 95 % would for "
             "pure noise. A median off zero is the model's fault, a wide range the runs'.",
             "quantiles of the normalised residual over the order of the harmonic",
             [Panel(marks, Axis("order of the harmonic", whole=True), Axis("residual over its standard deviation"))],
