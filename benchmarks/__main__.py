@@ -1,27 +1,38 @@
-"""Run the benchmarks named, or all, and print one table."""
+"""Run the benchmarks named, or all; print one table, and of all write `docs/performance.md` too."""
 
 from __future__ import annotations
 
+import datetime
 import os
 import platform
 import sys
 from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-NAMES = (
-    "startup",
-    "mcap_ingest",
-    "csv_ingest",
-    "repro",
-    "shear_fit",
-    "tpjb_dynamic",
-    "tpjb_bias",
-    "tpjb_rotating",
-    "tire_ring",
-    "tire_drive",
-    "rap_therapy",
-)
+NAMES = {
+    "startup": "Commands",
+    "repro": "Commands",
+    "csv_ingest": "Reading logs",
+    "mcap_ingest": "Reading logs",
+    "tdms_ingest": "Reading logs",
+    "bag_ingest": "Reading logs",
+    "memory": "Memory",
+    "many_logs": "Many logs",
+    "shear_fit": "Identification",
+    "tpjb_dynamic": "Identification",
+    "tpjb_bias": "Identification",
+    "tpjb_rotating": "Identification",
+    "tire_ring": "Identification",
+    "tire_drive": "Identification",
+    "rap_therapy": "Identification",
+}
+PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
+LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "numba", "lmfit", "mcap", "npTDMS", "asammdf", "rosbags", "dvc")
+HEADINGS = ("what", "against", "ours", "theirs", "ratio", "goal")
 
 
 def main() -> None:
@@ -32,15 +43,58 @@ def main() -> None:
     unknown = sorted(set(sys.argv[1:]) - set(NAMES))
     if unknown:
         sys.exit(f"no such benchmark: {', '.join(unknown)}; known are {', '.join(NAMES)}")
-    table = Table(title=f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
-    for heading in ("what", "against", "ours [s]", "theirs [s]", "ratio", "goal"):
+    table = Table(title=machine())
+    for heading in HEADINGS:
         table.add_column(heading, justify="left" if heading in ("what", "against", "goal") else "right")
+    chapters: dict[str, list[list[str]]] = {}
     for name in sys.argv[1:] or NAMES:
         console.print(f"{name} ...", style="dim")
-        for row in import_module(f"benchmarks.{name}").measure():
-            numbers = [f"{row[key]:.3g}" if row[key] is not None else "" for key in ("ours", "theirs", "ratio")]
-            table.add_row(row["what"], row["against"], *numbers, row["goal"])
+        rows = [cells(row) for row in import_module(f"benchmarks.{name}").measure()]
+        chapters.setdefault(NAMES[name], []).extend(rows)
+        for row in rows:
+            table.add_row(*row)
     console.print(table)
+    if not sys.argv[1:]:
+        PAGE.write_text(page(chapters), encoding="utf-8")
+        console.print(PAGE)
+
+
+def cells(row: dict[str, Any]) -> list[str]:
+    """Return a row of the table as text."""
+    unit = row.get("unit", "s")
+    numbers = [f"{row[key]:.3g} {unit}" if row[key] is not None else "" for key in ("ours", "theirs")]
+    ratio = f"{row['ratio']:.3g}" if row["ratio"] is not None else ""
+    return [row["what"], row["against"], *numbers, ratio, row["goal"]]
+
+
+def machine() -> str:
+    """Return what was measured on."""
+    return f"{processor()}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
+
+
+def processor() -> str:
+    """Return the processor's name, its kind where the system does not tell it."""
+    about = Path("/proc/cpuinfo")
+    lines = about.read_text().splitlines() if about.exists() else []
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
+def page(chapters: dict[str, list[list[str]]]) -> str:
+    """Return the text of `docs/performance.md`."""
+    versions = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
+    lines = [
+        "# How fast it is",
+        "",
+        "Written by `make benchmark`; each row holds rigfit against what a user would otherwise run, in one run on one",
+        "machine, and the ratio is what counts. Where the goal is to be faster, it is theirs / ours, else ours / theirs. The",
+        "results of both are held against each other where they should be equal.",
+        "",
+        f"{datetime.date.today().isoformat()}, {machine()}; {versions}.",
+    ]
+    for title, rows in chapters.items():
+        lines += ["", f"## {title}", "", f"| {' | '.join(HEADINGS)} |", "|---|---|--:|--:|--:|---|"]
+        lines += [f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows]
+    return "\n".join(lines) + "\n"
 
 
 main()

@@ -30,6 +30,8 @@ from pipeline.rigs.experiment import Experiment
 
 Progress = Callable[[str], None]
 
+# A rig's check may hold all numbers of a recording; of more than so many (a quarter of a gigabyte) that is left to identification.
+_MOST_CHECKED = 1 << 25
 # What one core reads of a log of text, about.
 BYTES_A_SECOND = 32 << 20
 
@@ -83,8 +85,8 @@ def ingest(
         except InputError as error:
             failed[entry.run] = _with_paths_as_shown(str(error), _shown(entry, base), entry.files)
             continue
-        known = before.get(entry.run)
-        as_now = known and known["key"] == task.key and versions.issuperset(known["readers"])
+        known = before.get(entry.run, {})
+        as_now = known.get("key") == task.key and versions.issuperset(known["readers"])
         if as_now and not damaged(folder, known["files"], seen.sha256):
             kept[entry.run] = known
             progress(entry.run)
@@ -230,6 +232,10 @@ def _noticed_by(experiment: Experiment) -> Callable[[Recording], Sequence[Qualit
     """Return the experiment's check without what leaves a run out: identification says that itself."""
 
     def notice(recording: Recording) -> Sequence[QualityFinding]:
+        numbers = sum(stream.size * len(stream.channels) for stream in recording.streams.values())
+        if numbers > _MOST_CHECKED and not experiment.reads_blocks:
+            text = f"a long recording of {numbers / 1e6:.3g} million numbers: what only the rig can tell is told by identification."
+            return (QualityFinding("note", text),)
         try:
             return [finding for finding in experiment.check(recording) if finding.level != "error"]
         except InputError:
