@@ -25,6 +25,8 @@ _PARQUET, _ARROW, _FEATHER_1 = b"PAR1", b"ARROW1", b"FEA1"
 _UNITS = ("unit", "units", "Unit")
 # What libraries write about themselves into a schema.
 _OF_THE_CARRIER = ("pandas", "ARROW:", "PARQUET:", "rigfit", "huggingface", "geo")
+# Bytes of a column that are read at once.
+_BUFFER = 1 << 20
 
 
 class ColumnarReader(Reader):
@@ -74,14 +76,15 @@ class _Source:
         if self.kind == "Parquet":
             import pyarrow.parquet as pq
 
-            with pq.ParquetFile(self.path) as file:
+            # Read ahead, as is the default, all of the file would stay in memory.
+            with pq.ParquetFile(self.path, pre_buffer=False, buffer_size=_BUFFER) as file:
                 yield from file.iter_batches(BLOCK_ROWS, columns=list(names))
             return
         import pyarrow as pa
         import pyarrow.ipc as ipc
 
-        with pa.memory_map(str(self.path)) as mapped:
-            file = ipc.open_file(mapped)
+        with pa.OSFile(str(self.path)) as opened:  # a map would stay in memory as far as it was read
+            file = ipc.open_file(opened)
             for at in range(file.num_record_batches):
                 batch = file.get_batch(at).select(list(names))
                 for start in range(0, batch.num_rows, BLOCK_ROWS):
@@ -133,7 +136,7 @@ class ArrowTable(RawTable):
             for batch in self._source.batches(list(wanted.values())):
                 if batch.num_rows:
                     yield {name: self._plain(column, batch.column(column)) for name, column in wanted.items()}
-        except (OSError, ValueError) as error:  # pyarrow's errors are of these kinds
+        except (OSError, ValueError, MemoryError) as error:  # pyarrow's errors are of these kinds
             raise _broken(self._path, self._source.kind, error) from error
 
     def _plain(self, name: str, column: pa.Array) -> np.ndarray:
@@ -159,7 +162,7 @@ class ArrowTable(RawTable):
                 known = dates[~np.isnat(dates)]
                 if known.size:
                     return np.datetime64(known[0], "ns")
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, MemoryError) as error:
             raise _broken(self._path, self._source.kind, error) from error
         return None
 
@@ -200,11 +203,11 @@ def _source(path: Path) -> _Source:
         if kind == "Parquet":
             with pq.ParquetFile(path) as parquet:
                 return _Source(path, kind, parquet.schema_arrow, parquet.metadata.num_rows)
-        with pa.memory_map(str(path)) as mapped:
-            opened = ipc.open_file(mapped)
+        with pa.OSFile(str(path)) as file:
+            opened = ipc.open_file(file)
             rows = sum(opened.get_batch(at).num_rows for at in range(opened.num_record_batches))
             return _Source(path, kind, opened.schema, rows)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, MemoryError) as error:
         raise _broken(path, kind, error) from error
 
 

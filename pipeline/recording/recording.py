@@ -128,6 +128,11 @@ class Recording:
     def __contains__(self, channel: str) -> bool:
         return any(channel in stream.channels for stream in self.streams.values())
 
+    @property
+    def names(self) -> list[str]:
+        """Names of all channels; none of their samples is read for that."""
+        return [name for stream in self.streams.values() for name in stream.channels]
+
     def stream_of(self, channel: str) -> Stream:
         """Return the stream that holds `channel`.
 
@@ -139,7 +144,7 @@ class Recording:
         for stream in self.streams.values():
             if channel in stream.channels:
                 return stream
-        raise InputError(f"run '{self.run}' has no channel '{channel}'; it has {listing(c.name for c in self)}.")
+        raise InputError(f"run '{self.run}' has no channel '{channel}'; it has {listing(self.names)}.")
 
     def signal(self, channel: str) -> tuple[np.ndarray, np.ndarray]:
         """Return time (s) and values (SI) of a channel, each of shape (n,)."""

@@ -254,6 +254,8 @@ class Experiment:
         `rigfit run --live`: it looks at conditions and channel names only. None where the experiment has no such method.
     builds_on
         Ids of the experiments of whose campaigns it can use the findings (`Context.uses`).
+    reads_blocks
+        Whether `check` and `identify` hold only blocks of a recording in memory, whatever its length.
     """
 
     id: str
@@ -272,6 +274,7 @@ class Experiment:
     operating: Sequence[ConditionSpec] = ()
     live: Callable[[Recording, Any], Follower] | None = None
     builds_on: Sequence[str] = ()
+    reads_blocks: bool = False
 
     @property
     def rig(self) -> str:

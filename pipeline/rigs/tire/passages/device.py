@@ -107,7 +107,7 @@ def device_of(recording: Recording) -> Device:
     if name is None:
         raise InputError(
             f"run '{recording.run}' has neither flex_code nor flex_voltage; it has "
-            f"{', '.join(c.name for c in recording) or 'no channel'}. Name the flex sensor's channel in the recipe."
+            f"{', '.join(recording.names) or 'no channel'}. Name the flex sensor's channel in the recipe."
         )
     stream = recording.stream_of(name)
     told = {n: float(recording.condition(n)) for n in _TOLD if n in recording.conditions}

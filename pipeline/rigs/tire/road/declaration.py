@@ -73,4 +73,5 @@ ROAD = Experiment(
     check=Later("pipeline.rigs.tire.road.check:check"),
     operating=OPERATING,
     builds_on=("tire.bench",),
+    reads_blocks=True,
 )

@@ -41,7 +41,7 @@ def check(recording: Recording) -> Sequence[QualityFinding]:
     if inertia.mass is None:
         fatal.append(inertia.source)
     try:
-        probes_of([channel.name for channel in recording], recording.conditions, run=run)
+        probes_of(recording.names, recording.conditions, run=run)
     except InputError as error:
         raise InputError(" ".join([str(error), *fatal])) from error
     try:

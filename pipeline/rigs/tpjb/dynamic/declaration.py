@@ -92,4 +92,5 @@ DYNAMIC = Experiment(
     check=Later("pipeline.rigs.tpjb.dynamic.check:check"),
     operating=OPERATING,
     builds_on=("tpjb.baseline",),
+    reads_blocks=True,
 )
