@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -142,6 +142,7 @@ def _task(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Path, 
     depends = {
         "version": [__version__, VERSION],
         "files": [[stream, shown[stream], seen.sha256(path)] for stream, path in entry.files],
+        "beside": [seen.sha256(path) for _, log in entry.files for path in _beside(log)],
         "experiment": [recipe.experiment.id, repr(recipe.experiment.channels), repr(recipe.experiment.conditions)],
         "channels": {name: asdict(channel) for name, channel in recipe.channels.items()},
         "conditions": [dict(recipe.conditions), recipe.file_name, list(own.rows.values()) if own else []],
@@ -149,6 +150,13 @@ def _task(recipe: Recipe, entry: RunFiles, table: RunsTable | None, base: Path, 
     key = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
     files = tuple((stream, path.resolve()) for stream, path in entry.files)
     return _Task(entry.run, files, shown, recipe, own, key)
+
+
+def _beside(log: Path) -> Iterator[Path]:
+    """Yield what a log is read with, as readers for its ending say; opening it to ask its own would take too long."""
+    for reader in readers():
+        if log.suffix.lower() in reader.suffixes:
+            yield from reader.beside(log)
 
 
 @dataclass(frozen=True)

@@ -110,6 +110,11 @@ class Reader(ABC):
     def recognises(self, head: bytes, suffix: str) -> bool:
         """Tell from the first 64 KiB whether this is the format; `suffix` (lower case) only helps."""
 
+    def beside(self, path: Path) -> Sequence[Path]:
+        """Return the other files that a log at `path` is read with, where there are any: it changes when they do."""
+        del path
+        return ()
+
     @abstractmethod
     def open(self, path: Path) -> RawLog:
         """Read what is needed to list channels and metadata.

@@ -192,3 +192,28 @@ def test_a_newer_reader_reads_its_logs_again_and_no_others(
     monkeypatch.setattr(type(hdf5), "version", hdf5.version + 1)
     ingest(folder)
     assert reads.runs == ["r12"]
+
+
+def test_a_log_is_read_again_when_a_file_changes_that_it_is_read_with(
+    folder: Path, reads: Reads, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beside = folder / "definitions.txt"
+    beside.write_text("one")
+    reader = reader_for(folder / "logs" / "r0.csv")
+    monkeypatch.setattr(type(reader), "beside", lambda _, path: [beside] if path.stem == "r3" else [])
+    twice(folder, reads)
+    beside.write_text("two")
+    ingest(folder)
+    assert reads.runs == ["r3"]
+
+
+def test_definitions_of_messages_and_unwritten_rows_belong_to_a_ros_2_bag(tmp_path: Path) -> None:
+    bag = tmp_path / "test" / "bag_0.db3"
+    (tmp_path / "my_msgs" / "msg").mkdir(parents=True)
+    bag.parent.mkdir()
+    bag.write_bytes(b"SQLite format 3\0")
+    own, waiting = tmp_path / "my_msgs" / "msg" / "Sample.msg", bag.with_name("bag_0.db3-wal")
+    assert list(reader_for(bag).beside(bag)) == []
+    own.write_text("float64 force\n")
+    waiting.write_bytes(b"rows")
+    assert set(reader_for(bag).beside(bag)) == {own, waiting}

@@ -89,6 +89,13 @@ class Definitions:
         return None
 
 
+def definitions_beside(path: Path) -> list[Path]:
+    """Return the ``.msg`` files that may define messages of the bag at `path`."""
+    places = ("*.msg", "*/*.msg", "*/msg/*.msg")
+    folders = (path.parent, path.parent.parent)
+    return sorted({file for folder in folders for place in places for file in folder.glob(place)})
+
+
 def _full(kind: str, inside: str) -> str:
     """Return a type as bags call it, ``pkg/msg/Name``; without a package it is that of the type it stands in."""
     if kind == "Header":

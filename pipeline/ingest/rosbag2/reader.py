@@ -18,7 +18,7 @@ from pipeline.ingest.mcap_log.reader import log_of
 from pipeline.ingest.mcap_log.records import Channel, Schema, printable
 from pipeline.ingest.misnamed import misnamed
 from pipeline.ingest.reader import RawLog, Reader
-from pipeline.ingest.rosbag2.definitions import Definitions
+from pipeline.ingest.rosbag2.definitions import Definitions, definitions_beside
 from pipeline.ingest.rosbag2.rows import RowMessages, broken, connected, has_waiting, survey_rows
 from pipeline.recording import QualityFinding
 
@@ -37,6 +37,11 @@ class Rosbag2Reader(Reader):
     def recognises(self, head: bytes, suffix: str) -> bool:
         """Tell by SQLite's mark; a file named .db3 is taken too, to say what is wrong with it."""
         return head.startswith(_MAGIC) or suffix in self.suffixes
+
+    def beside(self, path: Path) -> Sequence[Path]:
+        """Return the rows of a killed recorder and the definitions of messages beside a bag."""
+        waiting = path.with_name(f"{path.name}-wal")
+        return [*([waiting] if waiting.is_file() else []), *definitions_beside(path)]
 
     def open(self, path: Path) -> RawLog:
         """List topics and their types, and look at messages of each.
