@@ -126,6 +126,13 @@ def test_ordinary_scatter_makes_no_run_odd() -> None:
     assert [odd_among(many_loops(5, first), FitOptions(starts=1)).runs for first in (10, 20, 30)] == [(), (), ()]
 
 
+def test_a_bad_day_is_told_as_one() -> None:
+    bad_day = replace(CAMPAIGN, runs=100, bad=0.0, bad_day=True)
+    found = identified(list(recordings(bad_day)))
+    assert set(left_out(found)) == {"r0061", "r0062", "r0063", "r0064"}
+    assert any("r0061 to r0064" in reason for reason in found.reasons)
+
+
 def many_loops(repeats: int, first: int = 0) -> list[Any]:
     """Return repeats of the sheet's campaign with gains that scatter by 0.4 %."""
     return [

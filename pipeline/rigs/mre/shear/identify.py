@@ -21,7 +21,7 @@ from pipeline.rigs.mre.pads import group_levels
 from pipeline.rigs.mre.shear.arrays import arrays_of
 from pipeline.rigs.mre.shear.declaration import ShearSettings
 from pipeline.rigs.mre.shear.faults import mains_instead, say_faults, say_faults_of_fit
-from pipeline.rigs.mre.shear.odd_among_many import odd_among
+from pipeline.rigs.mre.shear.odd_among_many import odd_among, spells
 from pipeline.rigs.mre.shear.odd_causes import told_causes
 from pipeline.rigs.mre.shear.odd_runs import set_odd_runs_aside
 from pipeline.rigs.mre.shear.operating import Held
@@ -218,13 +218,21 @@ def _of_many(
     odd = odd_among(loops, options)
     places, _ = order_of(runs.loops)
     place = dict(zip((usable.run for usable in runs.loops), places, strict=True))
-    left = sorted((loop for loop in loops if loop.run not in odd.runs), key=lambda loop: place[loop.run])
+    ordered = sorted(loops, key=lambda loop: place[loop.run])
+    left = [loop for loop in ordered if loop.run not in set(odd.runs)]
     found, doubts = _with_mass(identify_loops(left, options), left, options, runs)
     aside = set(odd.runs)
     for loop in loops:
         if loop.run in aside:
             reason = f"it contradicts the other runs: {told_causes(loop, found.selected)}"
             runs.set_aside(loop.run, reason, "force")
+    for first, last, number in spells([loop.run for loop in ordered], odd.runs):
+        said = (
+            f"{number} runs one after the other, {first} to {last}, contradict the others and are left out: something was "
+            "another for that while (clamping, load cell, temperature)."
+        )
+        runs.say("warning", None, said, "force")
+        outcome.doubts.append(said)
     if odd.conditions:
         said = f"Most runs at these conditions contradict the others: {odd.conditions}. They are used all the same."
         runs.say("warning", None, said, "force")

@@ -29,6 +29,7 @@ _CHANCE, _GAIN_SIZE, _SHAPE_SIZE = 0.003, 0.01, 0.005
 # Runs that can be odd at most, of all and of one condition; conditions of fewer runs are not judged.
 _MOST_ODD, _MOST_OF_CONDITION, _REPEATS = 1 / 3, 0.5, 4
 _ROUNDS = 12
+_SPELL = 4  # odd runs one after the other are no chance
 _OF_MEDIAN = 0.37  # degrees of freedom of a scale from the median, as a share of its number
 # Misfits below this share of the force, and of the median misfit, count as equally good.
 _LEAST_MISFIT, _LEAST_OF_MEDIAN = 1e-4, 0.3
@@ -74,6 +75,20 @@ def odd_among(loops: Sequence[Loop], options: FitOptions) -> OddAmongMany:
         tuple(loop.run for loop, is_odd in zip(loops, odd, strict=True) if is_odd),
         _told(loops, layout.levels, conditions, doubted),
     )
+
+
+def spells(runs: Sequence[str], odd: Sequence[str]) -> list[tuple[str, str, int]]:
+    """Return first and last run, and the number of runs, of stretches of odd runs one after the other, of four at least.
+
+    Examples
+    --------
+    >>> spells(["r1", "r2", "r3", "r4", "r5", "r6", "r7"], ["r1", "r3", "r4", "r5", "r6"])
+    [('r3', 'r6', 4)]
+    """
+    is_odd = [run in set(odd) for run in runs]
+    edges = np.flatnonzero(np.diff(np.r_[False, is_odd, False].astype(int)))
+    found = [(runs[a], runs[b - 1], int(b - a)) for a, b in edges.reshape(-1, 2)]
+    return [stretch for stretch in found if stretch[2] >= _SPELL]
 
 
 def _richest(layouts: Sequence[Layout]) -> Layout:
