@@ -12,9 +12,10 @@ from pipeline.findings.storage import to_json
 from pipeline.recording import QualityFinding, Recording
 from pipeline.report.page import render_report
 from pipeline.rigs.experiment import Context
+from pipeline.rigs.gearbox.campaign_numbers import straight_course
 from pipeline.rigs.gearbox.declaration import LOAD_EXCHANGE, LoadExchangeSettings
 from pipeline.rigs.gearbox.identify import identify
-from pipeline.rigs.gearbox.load.friction_fit import mean_of_runs
+from pipeline.rigs.gearbox.load.friction_fit import mean_of_runs, shared_errors, slip_line
 from pipeline.rigs.gearbox.many import blocks
 from pipeline.rigs.gearbox.one_run import told_by
 from pipeline.rigs.gearbox.outcome.core_numbers import kind_of
@@ -159,6 +160,17 @@ def test_warm_days_are_not_averaged_away_as_if_runs_were_independent():
     assert covered > 180
     slopes = [Transfer("brake", float(a), 0.005, 0.4, 0.01, 20.0) for a in 0.54 + days]
     assert pooled(slopes).slope_error > 3 * 0.005 / np.sqrt(400)
+
+
+def test_an_error_that_all_runs_share_does_not_pull_a_line_of_many_runs_off():
+    """M_slip = T_out/a: the slope a is wrong for all alike, and no number of runs may be used to move it."""
+    rng = np.random.default_rng(5)
+    speed = np.tile(np.array(SPEEDS) * RPM, 200)
+    torque = 0.5388 + 0.039 * speed + 0.01 * rng.standard_normal(speed.size)
+    errors = shared_errors(np.full(speed.size, 0.01), straight_course(speed, 0.5443 * torque), 0.5443, 0.01)
+    line = slip_line(speed, torque, errors)
+    assert line.values == pytest.approx([0.5388, 0.039], rel=2e-3)
+    assert line.covariance.std_error == pytest.approx(np.array([0.5388, 0.039]) * 0.01 / 0.5443, rel=0.1)
 
 
 def test_neighbouring_runs_are_taken_together_only_where_there_are_many():

@@ -226,7 +226,7 @@ def _drag_law(
         return None
     speed, driving, error_in, carried, error_out = np.array(rows, dtype=float).T
     a = slope.value
-    errors = shared_errors(np.hypot(error_in, error_out / a), carried, a, slope.std_error)
+    errors = shared_errors(np.hypot(error_in, error_out / a), straight_course(speed, carried), a, slope.std_error)
     if load is not None and len(rows) > 1:
         carried, common = load.steady_torque(speed)
         errors = shared_errors(error_in, carried, a, slope.std_error, common)
@@ -246,4 +246,15 @@ def _slip_law(runs: Sequence[RunNumbers], slip: Mapping[str, Estimate], slope: S
     if len(rows) < 2 or slope is None:
         return None
     speed, value, own, t_out = np.array(rows, dtype=float).T
-    return slip_line(speed, value, shared_errors(own, t_out, slope.value, slope.std_error))
+    return slip_line(speed, value, shared_errors(own, straight_course(speed, t_out), slope.value, slope.std_error))
+
+
+def straight_course(speed: np.ndarray, torque_out: np.ndarray) -> np.ndarray:
+    """Return the output torque's straight course over speed, N m, same shape.
+
+    What an error of the slope does to all runs must not follow their noise: the fit would then move the slope to where the
+    noise is smallest, the farther the more runs there are (Peelle's puzzle).
+    """
+    if np.ptp(speed) == 0.0:
+        return np.full(speed.size, torque_out.mean())
+    return np.asarray(np.polyval(np.polyfit(speed, torque_out, 1), speed))

@@ -14,6 +14,7 @@ import numpy as np
 
 from pipeline.estimation.separable import fit_separable, linear_fit
 from pipeline.estimation.uncertainty import Covariance, effective_size
+from pipeline.rigs.gearbox.many import blocks
 from pipeline.rigs.over_runs import MANY
 
 # Below so many different speeds the Stribeck law's four parameters cannot be told.
@@ -150,7 +151,7 @@ def drag_curve(speed: np.ndarray, drag: np.ndarray, errors: SharedErrors) -> Cur
     whiten = errors.whitening()
     if count < LEAST_SPEEDS:
         straight = linear_fit(np.column_stack([np.ones_like(speed), speed]), drag, whiten=whiten)
-        return _curve("line", ("c0", "b0"), straight.c, straight.covariance, straight.chi2, speed, drag)
+        return _curve("line", ("c0", "b0"), straight.c, straight.covariance, straight.chi2, speed, drag, errors.own)
 
     def columns(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ratio = speed / q[0]
@@ -176,7 +177,7 @@ def drag_curve(speed: np.ndarray, drag: np.ndarray, errors: SharedErrors) -> Cur
     values = np.array([*best.c[:2], best.q[0], best.c[2]])
     matrix = best.covariance[np.ix_(order, order)]
     held = ("w_s",) if bool(best.at_bound[0]) else ()
-    return _curve("stribeck", ("c0", "c_s", "w_s", "b0"), values, matrix, best.chi2, speed, drag, held)
+    return _curve("stribeck", ("c0", "c_s", "w_s", "b0"), values, matrix, best.chi2, speed, drag, errors.own, held)
 
 
 def slip_line(slip: np.ndarray, torque: np.ndarray, errors: SharedErrors) -> Curve | None:
@@ -193,7 +194,7 @@ def slip_line(slip: np.ndarray, torque: np.ndarray, errors: SharedErrors) -> Cur
         return None
     fit = linear_fit(np.column_stack([np.ones_like(slip), slip]), torque, whiten=errors.whitening())
     names = ("slip_torque_intercept", "slip_torque_slope")
-    return _curve("slip", names, fit.c, fit.covariance, fit.chi2, slip, torque)
+    return _curve("slip", names, fit.c, fit.covariance, fit.chi2, slip, torque, errors.own)
 
 
 def _curve(
@@ -204,18 +205,36 @@ def _curve(
     chi2: float,
     speed: np.ndarray,
     torque: np.ndarray,
+    own: np.ndarray,
     at_bound: tuple[str, ...] = (),
 ) -> Curve:
     """Return the curve; runs that differ by more than their errors allow widen it, and so do neighbours that are alike."""
     n, values = speed.size, np.asarray(values)
     dof = n - len(names)
     factor = max(chi2 / dof, 1.0) if dof > 0 else 1.0
-    alike = n / independent(torque - _law(law, values, speed)[0])
-    wide = factor * alike > 1.0
-    covariance = Covariance(
-        matrix * factor * alike, max(dof / alike, 1.0) if wide else math.inf, "generalised least squares"
-    )
+    if n > MANY:
+        covariance = _by_blocks(law, values, matrix, speed, torque, own)
+    else:
+        covariance = Covariance(matrix * factor, dof if factor > 1 else math.inf, "generalised least squares")
     return Curve(law, names, values, covariance, chi2, n, at_bound)
+
+
+def _by_blocks(
+    law: str, values: np.ndarray, matrix: np.ndarray, speed: np.ndarray, torque: np.ndarray, own: np.ndarray
+) -> Covariance:
+    """Widen what the runs' own errors give to what blocks of neighbouring runs scatter by; errors that all share stay.
+
+    Runs of a warm day are off alike: that shifts the curve and tells little of its course over speed.
+    """
+    found, slopes = _law(law, values, speed)
+    rows, left = slopes / own[:, None], (torque - found) / own
+    alone = np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
+    pulls = np.array([rows[block].T @ left[block] for block in blocks(speed.size)])
+    count = pulls.shape[0]
+    scatter = alone @ (pulls.T @ pulls) @ alone * count / (count - 1)
+    wider = np.sqrt(np.maximum(np.diag(scatter) / np.diag(alone), 1.0))
+    widened = matrix + alone * (np.outer(wider, wider) - 1.0)
+    return Covariance(widened, count - values.size, "generalised least squares, scatter of blocks of runs")
 
 
 def independent(values: np.ndarray) -> float:

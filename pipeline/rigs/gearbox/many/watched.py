@@ -19,6 +19,8 @@ _SAME = 0.03
 _RPM = 2.0 * math.pi / 60.0
 # What is off by less than this share is odd, but harmless to what the runs share.
 _SLIGHT = 0.01
+# A change moves runs away from the others where it is so many times their scatter: more than the weather does.
+_FAR = 3.0
 # A spell, or a stretch between two steps, with less than this share of the runs is an exception, like a single odd run.
 _SHORT = 0.2
 # Where a larger share of the runs is an exception, there are several kinds of runs and none is left out of what they share.
@@ -89,7 +91,8 @@ def _usual(number: OverRuns, place: int) -> float:
 def _short_stretches(number: OverRuns) -> list[int]:
     """Return the places of the runs of spells, and of those between two steps that are soon taken back."""
     known = np.flatnonzero(np.isfinite(number.values))
-    changes = [one for one in number.course.changes if abs(one.size) > _SLIGHT * _usual(number, one.first)]
+    spread = number.course.spread
+    changes = [one for one in number.course.changes if abs(one.size) > _FAR * spread[one.first]]
     steps = sorted(one.first for one in changes if one.kind == "step")
     parts = np.split(known, np.searchsorted(known, steps))[1:-1]
     parts += [known[(known >= one.first) & (known <= one.last)] for one in changes if one.kind == "spell"]
