@@ -22,18 +22,26 @@ _EXPECTED = f"expected is {_SCHEME}HOST:PORT of a Dask scheduler, or no {VARIABL
 _SECONDS_TO_ANSWER = 20
 
 
-def on_cluster(engine: str, function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
+def on_cluster(
+    engine: str,
+    function: Callable[..., Result],
+    tasks: Sequence[tuple[Any, ...]],
+    died: Callable[..., Result] | None = None,
+) -> Iterator[Result]:
     """Yield ``function(*task)`` for each task, in order, computed by the workers of a cluster.
 
     Parameters
     ----------
     engine
         ``dask://HOST:PORT``, the scheduler's address.
+    died
+        ``died(*task)`` is the result of a task of which one worker after the other dies.
 
     Raises
     ------
     InputError
-        If nobody answers there, no worker is there, or a worker has no rigfit or another version of it, or dies of a task.
+        If nobody answers there, no worker is there, or a worker has no rigfit or another version of it, or dies of a task
+        and there is no `died`.
     """
     with _client(engine) as client:
         _check_workers(engine, client)
@@ -44,6 +52,9 @@ def on_cluster(engine: str, function: Callable[..., Result], tasks: Sequence[tup
             except Exception as error:
                 if type(error).__name__ != "KilledWorker":
                     raise
+                if died is not None:
+                    yield died(*tasks[at])
+                    continue
                 raise InputError(
                     f"{VARIABLE}={engine}: the workers died one after the other of task {at + 1} of {len(tasks)}. Look into "
                     "their logs: most often they had too little memory."

@@ -93,7 +93,8 @@ def ingest(
         else:
             tasks[entry.run] = task
     seconds = sum(path.stat().st_size for task in tasks.values() for _, path in task.files) / BYTES_A_SECOND
-    for run, outcome in in_parallel(_read_one, [(task, folder.resolve()) for task in tasks.values()], seconds):
+    work = [(task, folder.resolve()) for task in tasks.values()]
+    for run, outcome in in_parallel(_read_one, work, seconds, _died):
         if isinstance(outcome, str):
             failed[run] = outcome
         else:
@@ -191,6 +192,14 @@ def _read_one(task: _Task, folder: Path) -> tuple[str, _Read | str]:
     recording = read(paths, lazily=True)
     by = sorted({source.reader for source in recording.provenance.files})
     return task.run, _Read({path.name: sha256_of(path) for path in paths}, by, Head.of(recording))
+
+
+def _died(task: _Task, _folder: Path) -> tuple[str, str]:
+    names = listing(task.shown.values())
+    return task.run, (
+        f"{names}: the process that read it was killed: the file is damaged in a way that crashes the library for its "
+        "format, or there was too little memory. Write or copy the log again, or take it out with 'exclude' in the recipe."
+    )
 
 
 def _repeats(
