@@ -113,7 +113,6 @@ def one_more(logs: int, megabytes: float) -> list[dict[str, Any]]:
             "against": "dvc repro that reads all",
             "ours": seconds,
             "theirs": whole,
-            "ratio": whole / seconds,
             "goal": goal,
         }
         for change, seconds, goal in (
@@ -146,8 +145,7 @@ def cores(megabytes: float) -> list[dict[str, Any]]:
             "against": "the same on one core",
             "ours": two,
             "theirs": one,
-            "ratio": one / two,
-            "goal": "at least 1.7 times faster",
+            "goal": "at least 1.7",
         }
     ]
 
@@ -163,5 +161,5 @@ if __name__ == "__main__":
     options = parser.parse_args()
     for row in measure(options.logs, options.megabytes):
         print(
-            f"{row['what']}: {row['ours']:.2f} s, {row['against']}: {row['theirs']:.1f} s, {row['ratio']:.2f}; {row['goal']}"
+            f"{row['what']}: {row['ours']:.2f} s, {row['against']}: {row['theirs']:.1f} s, {row['theirs'] / row['ours']:.2f}; {row['goal']}"
         )

@@ -91,7 +91,7 @@ def measure() -> list[dict[str, Any]]:
         for what, goal, work in (
             (
                 "400 000 JSON messages, zstd MCAP -> Recording on disk",
-                "6 times faster",
+                "at least 6",
                 lambda: ours(log, folder / "out"),
             ),
             ("the same, reader alone", "", lambda: arrays_only(log)),
@@ -104,7 +104,6 @@ def measure() -> list[dict[str, Any]]:
                     "against": "mcap reader, json.loads, DataFrame",
                     "ours": took,
                     "theirs": reference,
-                    "ratio": reference / took,
                     "goal": goal,
                 }
             )

@@ -73,11 +73,11 @@ def _row(what: str, against: str, peaks: list[float], theirs: float | None) -> d
     """Return one line of the table; all that is compared is megabytes at the peak."""
     grown = peaks[-1] / peaks[0]
     return {
-        "what": f"{what}, peak memory [MB]",
+        "what": f"{what}, peak memory",
+        "unit": "MB",
         "against": against,
         "ours": peaks[-1],
         "theirs": theirs,
-        "ratio": None if theirs is None else theirs / peaks[-1],
         "goal": f"{grown:.2f} times that of the shortest, at most {FLAT}" if len(peaks) > 1 else "under 1000 MB",
     }
 

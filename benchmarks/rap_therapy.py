@@ -50,7 +50,6 @@ def measure() -> list[dict[str, Any]]:
             "against": "scipy, filterpy, lmfit, window by window; fewer quantities, no errors",
             "ours": ours,
             "theirs": their_seconds,
-            "ratio": their_seconds / ours,
             "goal": f"ours < {GOAL:g} s",
         }
     ]

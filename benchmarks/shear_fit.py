@@ -48,7 +48,6 @@ def measure(every: int = 1) -> list[dict[str, Any]]:
             "against": "lmfit + solve_ivp, diff_step 1e-2" + (f", every {every}th sample" if every > 1 else ""),
             "ours": seconds,
             "theirs": their_seconds,
-            "ratio": their_seconds / seconds,
             "goal": "> 200",
         }
     ]

@@ -44,7 +44,6 @@ def measure() -> list[dict[str, Any]]:
                     "against": 'python -c "import numpy"',
                     "ours": ours,
                     "theirs": bare,
-                    "ratio": ours / bare,
                     "goal": f"+ {allowed} s at most (is {ours - bare:+.2f} s)",
                 }
             )

@@ -120,7 +120,6 @@ def measure(lengths: tuple[float, ...] = LENGTHS) -> list[dict[str, Any]]:
                     "against": "the drive itself",
                     "ours": found["seconds"],
                     "theirs": length,
-                    "ratio": length / found["seconds"],
                     "goal": f"{GOAL:g} times as fast; memory as of the shorter one",
                 }
             )

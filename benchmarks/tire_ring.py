@@ -79,7 +79,7 @@ def _fit(runs: list[RingRun]) -> dict[str, Any]:
 
 
 def _row(what: str, against: str, ours: float, theirs: float, goal: str) -> dict[str, Any]:
-    return {"what": what, "against": against, "ours": ours, "theirs": theirs, "ratio": theirs / ours, "goal": goal}
+    return {"what": what, "against": against, "ours": ours, "theirs": theirs, "goal": goal}
 
 
 def _best(work: Callable[[], object], repeat: int) -> float:

@@ -30,11 +30,11 @@ def measure(runs: int = 4000) -> list[dict[str, Any]]:
     worst = {name: max(abs(found[snr][name][0]) for snr in _SNR) for name in ESTIMATORS}
     return [
         {
-            "what": f"bias of kxx, {runs} runs, SNR 6 to 30 dB: ratio of means against H1, worst bias in %, here {seconds:.1f} s",
+            "what": f"bias of kxx, {runs} runs, SNR 6 to 30 dB: ratio of means against H1, worst bias, here {seconds:.1f} s",
+            "unit": "%",
             "against": "regression of F on D (H1)",
             "ours": worst["ratio of means"],
             "theirs": worst["H1: F on D"],
-            "ratio": worst["H1: F on D"] / worst["ratio of means"],
             "goal": "> 20",
         }
     ]

@@ -17,7 +17,7 @@ from pipeline.rigs.mre.model.time_fit import TimeFit
 from pipeline.rigs.mre.pads import group_levels
 from pipeline.rigs.mre.shear.parameters import run_metrics
 from pipeline.rigs.mre.shear.preload import PreloadTable
-from pipeline.rigs.mre.shear.residuals import METRICS, agreement, field_laws, residual_checks
+from pipeline.rigs.mre.shear.residuals import METRICS, agreement, field_laws, normalised, residual_checks
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
 from pipeline.rigs.over_runs import MANY, natural
 
@@ -171,12 +171,9 @@ def _residual_harmonics(fit: DynamicFit | None) -> pd.DataFrame:
     """Return the misfit of each harmonic over its standard deviation; of many runs with their own gains taken out."""
     if fit is None:
         return pd.DataFrame()
-    from pipeline.rigs.mre.model.loop_noise import effective_sd
-
     parts = []
     for loop in fit.loops:
-        gain = fit.gain_by_run[loop.run] if len(fit.loops) > MANY else 0.0
-        error = ((loop.F - (1 + gain) * fit.predicted(loop)) / effective_sd(loop))[loop.kept]
+        error = normalised(fit, loop)
         order = np.arange(1, loop.F.size + 1)[loop.kept]
         parts.append(pd.DataFrame({"run": loop.run, "order": order, "real": error.real, "imaginary": error.imag}))
     return pd.concat(parts, ignore_index=True)

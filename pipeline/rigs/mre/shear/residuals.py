@@ -11,11 +11,13 @@ import pandas as pd
 from pipeline.estimation.residuals import chi_square, normality, runs_test, whiteness
 from pipeline.findings import Parameter
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
+from pipeline.rigs.mre.model.loop import Loop
 from pipeline.rigs.mre.model.loop_noise import effective_sd
 from pipeline.rigs.mre.model.time_fit import TimeFit
 from pipeline.rigs.mre.shear.loop_metrics import loop_metrics
 from pipeline.rigs.mre.shear.parameters import run_metrics
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
+from pipeline.rigs.over_runs import MANY
 
 METRICS = ("stiffness_secant", "stiffness_storage", "damping", "loss_factor")
 _RECORDS_TESTED = 4
@@ -41,11 +43,17 @@ def agreement(runs: SortedRuns, fit: DynamicFit | None) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def normalised(fit: DynamicFit, loop: Loop) -> np.ndarray:
+    """Return the misfit of each kept harmonic over its standard deviation, complex; of many runs with their own gains taken out."""
+    gain = fit.gain_by_run[loop.run] if len(fit.loops) > MANY else 0.0
+    return np.asarray(((loop.F - (1 + gain) * fit.predicted(loop)) / effective_sd(loop))[loop.kept])
+
+
 def residual_checks(fit: DynamicFit | None, times: Sequence[TimeFit]) -> pd.DataFrame:
     """Return the tests of what the fits leave over."""
     rows = []
     if fit is not None:
-        left = np.concatenate([((loop.F - fit.predicted(loop)) / effective_sd(loop))[loop.kept] for loop in fit.loops])
+        left = np.concatenate([normalised(fit, loop) for loop in fit.loops])
         parts = np.concatenate([left.real, left.imag])
         checks = [chi_square(fit.chi2, fit.dof), normality(parts)]
         rows += [{"of": "all harmonics", "name": c.name, "p_value": c.p_value, "verdict": c.verdict} for c in checks]
