@@ -14,14 +14,15 @@ from typing import Any
 
 from pipeline import __version__
 from pipeline.campaign import conditions as run_conditions
+from pipeline.campaign import ingest_notes
 from pipeline.campaign.ingested import MANIFEST, Ingested, LeftOut, Recordings, damaged, load, manifest
-from pipeline.campaign.logs import RunFiles, said_shared
+from pipeline.campaign.logs import RunFiles
 from pipeline.campaign.parallel import in_parallel
 from pipeline.campaign.recipe import Recipe
 from pipeline.campaign.repeated import Head, repeated
 from pipeline.campaign.runs_table import RunsTable
 from pipeline.campaign.seen import Seen
-from pipeline.errors import InputError, counted, listing, nearest
+from pipeline.errors import InputError
 from pipeline.ingest.ingest import VERSION, ingest_run, open_run
 from pipeline.ingest.registry import readers
 from pipeline.recording import Level, QualityFinding, Recording
@@ -70,9 +71,9 @@ def ingest(
         If no log at all can be read; nothing is changed then. Logs that cannot be read beside others
         that can are left out, which the result says as an error of that run.
     """
-    before = {} if force else manifest(folder).get("runs", {})
     seen = seen or Seen()
-    quality = _campaign_notes(recipe, runs, table)
+    before = {} if force else {**manifest(folder).get("runs", {}), **seen.unfinished}
+    quality = ingest_notes.of_campaign(recipe, runs, table)
     wanted = [entry for entry in runs if entry.run not in recipe.exclude]
     failed: dict[str, str] = {}
     tasks: dict[str, _Task] = {}
@@ -100,10 +101,11 @@ def ingest(
         else:
             heads[run] = outcome.head
             kept[run] = {"key": tasks[run].key, "readers": outcome.readers, "files": outcome.files}
+            seen.read(run, kept[run], outcome.head.as_json())
         progress(run)
     failed = {entry.run: failed[entry.run] for entry in wanted if entry.run in failed}
     if not kept:
-        raise InputError(_nothing(wanted, failed, recipe))
+        raise InputError(ingest_notes.nothing_read(wanted, failed, recipe))
     order = {entry.run: kept[entry.run] for entry in wanted if entry.run in kept}
     findings = [QualityFinding("error", f"left out: {message}", run) for run, message in failed.items()]
     findings += _repeats(recipe, folder, order, heads, seen)
@@ -195,11 +197,7 @@ def _read_one(task: _Task, folder: Path) -> tuple[str, _Read | str]:
 
 
 def _died(task: _Task, _folder: Path) -> tuple[str, str]:
-    names = listing(task.shown.values())
-    return task.run, (
-        f"{names}: the process that read it was killed: the file is damaged in a way that crashes the library for its "
-        "format, or there was too little memory. Write or copy the log again, or take it out with 'exclude' in the recipe."
-    )
+    return task.run, ingest_notes.read_to_death(task.shown.values())
 
 
 def _repeats(
@@ -211,10 +209,9 @@ def _repeats(
     for place, (run, entry) in enumerate(runs.items()):
         for name, digest in entry["files"].items():
             seen.hashed(folder / name, digest)
-        known = seen.head(run, entry["key"])
-        head = fresh.get(run) or (Head.from_json(known) if known else Head.of(recordings[place]))
-        seen.read(run, entry["key"], head.as_json())
-        heads.append(head)
+        known = seen.head(run, entry)
+        heads.append(fresh.get(run) or (Head.from_json(known) if known else Head.of(recordings[place])))
+        seen.keep_head(run, entry, heads[-1].as_json())
     found: dict[str, QualityFinding] = {}
     for repeat in repeated(heads, recordings, recipe.experiment):
         level: Level = "error" if repeat.contradicted else "warning"
@@ -259,38 +256,6 @@ def _noticed_by(experiment: Experiment) -> Callable[[Recording], Sequence[Qualit
             return ()
 
     return notice
-
-
-def _campaign_notes(recipe: Recipe, runs: Sequence[RunFiles], table: RunsTable | None) -> list[QualityFinding]:
-    names = {entry.run: [path.name for _, path in entry.files] for entry in runs}
-    notes = [*said_shared(runs), *(table.remarks(names) if table else [])]
-    for run, reason in recipe.exclude.items():
-        if run in names:
-            notes.append(QualityFinding("note", f"left out by the recipe: {reason}", run))
-        else:
-            notes.append(
-                QualityFinding(
-                    "warning",
-                    f"{recipe.path}: excludes '{run}', which is no run here.{nearest(run, names)} "
-                    f"The runs are {listing(names)}.",
-                )
-            )
-    return notes
-
-
-def _nothing(wanted: Sequence[RunFiles], failed: Mapping[str, str], recipe: Recipe) -> str:
-    if not wanted:
-        return f"{recipe.path}: every run is excluded; take at least one out of 'exclude'."
-    (first, message), *others = failed.items()
-    if not others:
-        return message
-    alike = [run for run, other in others if other.replace(run, first) == message]
-    unlike = [(run, other) for run, other in others if run not in alike]
-    told = f" The same holds for {listing(alike, 8)}." if alike else ""
-    told += "".join(f" {other}" for _, other in unlike[:2])
-    if len(unlike) > 2:
-        told += f" {counted(len(unlike) - 2, 'more log')} cannot be read either: {listing((run for run, _ in unlike[2:]), 8)}."
-    return f"None of {len(failed)} logs can be read. {message}{told}"
 
 
 def _sweep(folder: Path, keep: set[str]) -> None:

@@ -18,10 +18,13 @@ from pipeline.recording.storage import sha256_of, whole_or_not
 
 # A file that changes twice within the grain of its file system's clock keeps its time: one so young is not believed.
 _GRAIN, _COARSE_GRAIN = 0.1, 2.0  # s
+SAVED_EVERY = 5.0  # s
+_SHARE = 20  # of the time that may go into that, at most one part
 
 
 class Seen:
-    """Hashes of files, believed while size, inode and time of change are the same; and what recordings begin with.
+    """Hashes of files, believed while size, inode and time of change are the same; what recordings begin with; and which
+    runs were read by an ingest that did not come to its end.
 
     Parameters
     ----------
@@ -36,8 +39,10 @@ class Seen:
         before = _content(self._path) if self._path and not force else {}
         self._before: Mapping[str, list[Any]] = before.get("hashes", {})
         self._heads_before: Mapping[str, list[Any]] = before.get("heads", {})
+        self.unfinished: dict[str, dict[str, Any]] = before.get("unfinished", {})
         self._hashes: dict[str, list[Any]] = {}
         self._heads: dict[str, list[Any]] = {}
+        self._due = time.monotonic() + SAVED_EVERY
 
     def sha256(self, path: Path) -> str:
         """Return the SHA-256 of a file's bytes; it is read only where it is not as it was."""
@@ -55,22 +60,36 @@ class Seen:
         if time.time_ns() - changed > grain * 1e9:
             self._hashes[str(path)] = [*state, digest]
 
-    def head(self, run: str, key: str) -> dict[str, Any] | None:
-        """Return what was noted of a run's recording, None where it was another one then."""
-        known = self._heads_before.get(run)
-        return known[1] if known and known[0] == key else None
+    def head(self, run: str, entry: Mapping[str, Any]) -> dict[str, Any] | None:
+        """Return what was noted of a run's recording, None where the manifest's `entry` of it was another one then."""
+        known = self._heads.get(run) or self._heads_before.get(run)
+        return known[1] if known and known[0] == entry["key"] else None
 
-    def read(self, run: str, key: str, head: dict[str, Any]) -> None:
-        """Note what the recording of a run begins with; `key` tells it from others of this run."""
-        self._heads[run] = [key, head]
+    def keep_head(self, run: str, entry: Mapping[str, Any], head: dict[str, Any]) -> None:
+        """Note what the recording of a run begins with."""
+        self._heads[run] = [entry["key"], head]
+
+    def read(self, run: str, entry: dict[str, Any], head: dict[str, Any]) -> None:
+        """Note a run that was read, and keep that now and then: an ingest that is killed goes on where it was."""
+        self.keep_head(run, entry, head)
+        self.unfinished[run] = entry
+        if time.monotonic() > self._due:
+            self._write({**self._heads_before, **self._heads}, self.unfinished)
 
     def save(self) -> None:
-        """Keep what was seen this time; what was not looked at is forgotten."""
+        """Keep what was seen when all is done; what was not looked at is forgotten."""
+        self._write(self._heads, {})
+
+    def _write(self, heads: Mapping[str, Any], unfinished: Mapping[str, Any]) -> None:
         if self._path is None:
             return
-        content = json.dumps({"hashes": self._hashes, "heads": self._heads}, separators=(",", ":"))
+        began = time.monotonic()
+        what = {"hashes": self._hashes, "heads": heads, "unfinished": unfinished}
+        content = json.dumps(what, separators=(",", ":"))
         with whole_or_not(self._path) as partial:
             partial.write_text(f"{_digest(content)}\n{content}\n", encoding="utf-8")
+        ended = time.monotonic()
+        self._due = ended + max(SAVED_EVERY, _SHARE * (ended - began))
 
 
 def forget(folder: Path) -> None:

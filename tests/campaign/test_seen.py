@@ -217,3 +217,29 @@ def test_definitions_of_messages_and_unwritten_rows_belong_to_a_ros_2_bag(tmp_pa
     own.write_text("float64 force\n")
     waiting.write_bytes(b"rows")
     assert set(reader_for(bag).beside(bag)) == {own, waiting}
+
+
+def test_an_ingest_that_is_killed_goes_on_where_it_was(
+    folder: Path, reads: Reads, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = {path.name: path.read_bytes() for path in ingest(folder).folder.iterdir()}
+    for path in (folder / "recordings").iterdir():
+        path.unlink()
+    (folder / ".recordings.seen.json").unlink()
+    reads.clear()
+    monkeypatch.setattr(seen_module, "SAVED_EVERY", -1.0)
+    monkeypatch.setattr(seen_module, "_SHARE", 0)
+    counting = ingest_stage._read_one
+
+    def killed(task: ingest_stage._Task, to: Path) -> object:
+        if task.run == "r8":
+            raise KeyboardInterrupt
+        return counting(task, to)
+
+    monkeypatch.setattr(ingest_stage, "_read_one", killed)
+    with pytest.raises(KeyboardInterrupt):
+        ingest(folder)
+    reads.clear()
+    monkeypatch.setattr(ingest_stage, "_read_one", counting)
+    assert {path.name: path.read_bytes() for path in ingest(folder).folder.iterdir()} == whole
+    assert reads.runs == ["r8", "r9", "r10", "r11"]
