@@ -23,7 +23,7 @@ _SHARE = 20  # of the time that may go into that, at most one part
 
 
 class Seen:
-    """Hashes of files, believed while size, inode and time of change are the same; what recordings begin with; and which
+    """Hashes of files, believed while size, inode and times of change are the same; what recordings begin with; and which
     runs were read by an ingest that did not come to its end.
 
     Parameters
@@ -55,7 +55,7 @@ class Seen:
     def hashed(self, path: Path, digest: str) -> None:
         """Note a hash that was taken elsewhere."""
         state = _state(path)
-        changed = state[-1]
+        changed = max(state[2:])
         grain = _GRAIN if changed % 1_000_000_000 else _COARSE_GRAIN
         if time.time_ns() - changed > grain * 1e9:
             self._hashes[str(path)] = [*state, digest]
@@ -102,8 +102,9 @@ def _beside(folder: Path) -> Path:
 
 
 def _state(path: Path) -> list[int]:
+    # The time of change of the entry itself (ctime) can be set by no program that puts the other one back.
     about = path.stat()
-    return [about.st_size, about.st_ino, about.st_mtime_ns]
+    return [about.st_size, about.st_ino, about.st_mtime_ns, about.st_ctime_ns]
 
 
 def _content(path: Path) -> dict[str, Any]:
