@@ -15,6 +15,8 @@ from pipeline.rigs.number_over_runs import OverRuns
 
 # Kinds of faults, runs by name, and steps that are told.
 _KINDS, _NAMES, _STEPS = 5, 6, 4
+# Changes of less than this share are not told in the verdict.
+_SLIGHT = 0.005
 # Steps and spells of several numbers within so many runs are one event.
 _ONE_EVENT = 3
 
@@ -25,7 +27,7 @@ def over_campaign(said: Judgement, campaign: CampaignNumbers) -> None:
         _change(number, change)
         for number in campaign.watched
         for change in number.course.changes
-        if change.kind == "drift"
+        if change.kind == "drift" and _matters(number, change)
     ]
     if drifts:
         said.warn(
@@ -52,7 +54,12 @@ def over_campaign(said: Judgement, campaign: CampaignNumbers) -> None:
 def _steps(said: Judgement, watched: Sequence[OverRuns]) -> None:
     """Say steps and spells, those of several numbers at one place together, the ones that most numbers show first."""
     found = sorted(
-        ((number, change) for number in watched for change in number.course.changes if change.kind != "drift"),
+        (
+            (number, change)
+            for number in watched
+            for change in number.course.changes
+            if change.kind != "drift" and _matters(number, change)
+        ),
         key=lambda one: (one[1].kind, one[1].first, one[1].last),
     )
     events: list[list[tuple[OverRuns, Change]]] = []
@@ -85,9 +92,20 @@ def _near(first: int, second: int) -> bool:
     return abs(first - second) <= _ONE_EVENT
 
 
+def _matters(number: OverRuns, change: Change) -> bool:
+    """Tell whether a change is more than clear: what is slight stands among the quality findings alone."""
+    whole = _whole(number)
+    return not whole or abs(change.size) > _SLIGHT * whole
+
+
+def _whole(number: OverRuns) -> float:
+    """Return what a change is a share of, 0 where it is told in its unit."""
+    return 1.0 if number.share else 0.0 if number.grouped else abs(number.course.level)
+
+
 def _change(number: OverRuns, change: Change) -> str:
     """Return a number and by how much it changes, to stand in a list."""
-    whole = 1.0 if number.share else 0.0 if number.grouped else abs(number.course.level)
+    whole = _whole(number)
     sizes = (change.size, *change.ci95)
     if whole:
         size, low, high = (f"{100.0 * one / whole:+.2g}" for one in sizes)
