@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from typing import Any, TypeVar
 
@@ -58,24 +58,29 @@ def in_parallel(
         except BrokenExecutor:
             # Which one it was is not told: those that may have been under way are done alone.
             suspects = tasks[done : done + 2 * workers]
-            for task in suspects:
-                yield _alone(function, task, died)
+            yield from _one_by_one(function, suspects, died)
             done += len(suspects)
         tasks = tasks[done:]
 
 
-def _alone(function: Callable[..., Result], task: tuple[Any, ...], died: Callable[..., Result] | None) -> Result:
-    """Do a task in a process of its own, which it may take along."""
+def _one_by_one(
+    function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], died: Callable[..., Result] | None
+) -> Iterator[Result]:
+    """Do tasks one after the other in a process that each may take along."""
     from joblib.externals.loky import ProcessPoolExecutor
 
-    with ProcessPoolExecutor(1) as process:
-        try:
-            result: Result = process.submit(function, *task).result()
-        except BrokenExecutor as error:
-            if died is None:
-                raise InputError(
-                    "a worker process was killed in the middle of its work, most often for lack of memory. Close other "
-                    "programs, or use fewer cores ('taskset -c 0 rigfit ...' uses one), and run the same command again."
-                ) from error
-            return died(*task)
-    return result
+    process = ProcessPoolExecutor(1)
+    try:
+        for task in tasks:
+            try:
+                yield process.submit(function, *task).result()
+            except BrokenExecutor as error:
+                if died is None:
+                    raise InputError(
+                        "a worker process was killed in the middle of its work, most often for lack of memory. Close other "
+                        "programs, or use fewer cores ('taskset -c 0 rigfit ...' uses one), and run the same command again."
+                    ) from error
+                process = ProcessPoolExecutor(1)
+                yield died(*task)
+    finally:
+        process.shutdown()
