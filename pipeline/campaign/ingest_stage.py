@@ -86,13 +86,15 @@ def ingest(
         except InputError as error:
             failed[entry.run] = _with_paths_as_shown(str(error), _shown(entry, base), entry.files)
             continue
-        known = before.get(entry.run, {})
-        as_now = known.get("key") == task.key and versions.issuperset(known["readers"])
-        if as_now and not damaged(folder, known["files"], seen.sha256):
+        known = before.get(entry.run, {"key": "", "readers": [], "files": {}})
+        spoilt = damaged(folder, known["files"], seen.sha256)
+        if known["key"] == task.key and versions.issuperset(known["readers"]) and not spoilt:
             kept[entry.run] = known
             progress(entry.run)
         else:
             tasks[entry.run] = task
+            for name in spoilt:  # what stands there now may claim to be another run's
+                (folder / name).unlink(missing_ok=True)
     seconds = sum(path.stat().st_size for task in tasks.values() for _, path in task.files) / BYTES_A_SECOND
     work = [(task, folder.resolve()) for task in tasks.values()]
     for run, outcome in in_parallel(_read_one, work, seconds, _died):

@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from pipeline.campaign import identify_stage, ingest_stage, ingested, logs, report_stage, runs_table, synthesize_stage
+from pipeline.campaign.alone import alone_in
 from pipeline.campaign.project import Campaign, Project
 from pipeline.campaign.recipe import Recipe, load
 from pipeline.campaign.remote.named import named
@@ -87,7 +88,7 @@ def ingest(name: str, force: bool) -> None:
     if conditions := campaign.runs_table():
         table = runs_table.read(conditions, recipe.experiment, conditions.relative_to(campaign.root).as_posix())
     used = {other: path for other in recipe.uses if (path := _findings_of(other, campaign)).is_file()}
-    with progress("ingest", len(runs)) as step:
+    with alone_in(campaign.recordings), progress("ingest", len(runs)) as step:
         ingested = ingest_stage.ingest(
             recipe,
             runs,
@@ -115,7 +116,7 @@ def identify(name: str) -> int:
     """Identify a campaign from its recordings."""
     campaign, recipe = _campaign(name)
     used = {other: _findings_of(other, campaign) for other in recipe.uses}
-    with share_done("identify") as tell:
+    with alone_in(campaign.results), share_done("identify") as tell:
         findings = identify_stage.identify(
             name,
             recipe,

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 
 from pipeline.campaign import ingest_stage, ingested, logs
 from pipeline.campaign import seen as seen_module
+from pipeline.campaign.alone import alone_in
 from pipeline.campaign.recipe import Recipe
 from pipeline.campaign.seen import Seen
 from pipeline.ingest.registry import reader_for
@@ -126,6 +129,17 @@ def test_a_recording_that_was_altered_is_made_anew(folder: Path, reads: Reads) -
     assert reads.runs == ["r5"]
     assert path.read_bytes() == content
     assert (path.parent / ingested.MANIFEST).read_bytes() == manifest
+
+
+def test_a_recording_overwritten_by_that_of_another_run_is_made_anew(folder: Path, reads: Reads) -> None:
+    manifest = twice(folder, reads)
+    path = folder / "recordings" / "r5.parquet"
+    content = path.read_bytes()
+    path.write_bytes((folder / "recordings" / "r6.parquet").read_bytes())
+    ingest(folder)
+    assert reads.runs == ["r5"]
+    assert path.read_bytes() == content
+    assert (folder / "recordings" / ingested.MANIFEST).read_bytes() == manifest
 
 
 def test_force_starts_afresh_and_comes_out_the_same(folder: Path, reads: Reads) -> None:
@@ -251,3 +265,13 @@ def test_an_ingest_that_is_killed_goes_on_where_it_was(
     monkeypatch.setattr(ingest_stage, "_read_one", counting)
     assert {path.name: path.read_bytes() for path in ingest(folder).folder.iterdir()} == whole
     assert reads.runs == ["r8", "r9", "r10", "r11"]
+
+
+def test_two_at_once_on_one_campaign_are_told(project: Path, rigfit: Callable[..., Any]) -> None:
+    rigfit("new", "spring.pull", "wire")
+    rigfit("synthesize", "wire")
+    with alone_in(project / "recordings" / "wire"):
+        answer = rigfit("ingest", "wire")
+    assert answer.status == 2
+    assert "recordings/wire: another rigfit is at work there. Wait until it has ended" in answer.err
+    assert rigfit("ingest", "wire").status == 0
