@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.estimation.course_changes import Candidate, clearest
+from pipeline.estimation.course_changes import Candidate, needed, next_change
 from pipeline.estimation.robust_fit import RobustFit
 from pipeline.estimation.uncertainty import t_quantile
 
@@ -137,7 +137,7 @@ def course(
     Notes
     -----
     Weighted Huber regression on group levels; drift, steps and spells are added one by one, the clearest first, as long as chance
-    does not explain them. The scatter beyond the own errors makes the median of \\|residual\\| that of normal residuals.
+    does not explain them, and dropped again where a later one explains them. The scatter beyond the own errors makes the median of \\|residual\\| that of normal residuals.
     Drift is tested by t with the effective number of runs, a step or a spell by the clearest of all places against the runs in random
     order.
 
@@ -166,14 +166,20 @@ def course(
     off = np.abs(known[at] - centre)
     unit = float(np.quantile(off, 0.9, method="higher")) or float(off.max()) or float(error.max()) or 1.0
     scaled, error = (known[at] - centre) / unit, error / unit
-    fit = RobustFit.of(scaled, error, levels, member)
+
+    def refit(terms: Sequence[Candidate]) -> RobustFit:
+        return RobustFit.of(scaled, error, np.column_stack([levels, *(term.column for term in terms)]), member)
+
     terms: list[Candidate] = []
-    while len(terms) < _MOST_CHANGES:
-        found = clearest(fit, order, terms, seed)
-        if found is None or found.chance > CHANGE_CHANCE / among:
+    fit, limit_of_change = refit(terms), CHANGE_CHANCE / among
+    for _ in range(_MOST_CHANGES):
+        found = next_change(fit, order, terms, refit, limit_of_change, seed)
+        if found is None:
             break
-        terms.append(found)
-        fit = RobustFit.of(scaled, error, np.column_stack([levels, *(term.column for term in terms)]), member)
+        terms, fit = [*terms, found[0]], found[1]
+        kept = needed(fit, terms, limit_of_change)
+        if len(kept) < len(terms):
+            terms, fit = kept, refit(kept)
     covariance, dof = fit.covariance(1 + len(terms))
     changes = []
     for number, term in enumerate(terms, levels.shape[1]):

@@ -6,12 +6,12 @@ One is looked for at a time, beside those that are known; `course` adds them up.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.estimation.robust_fit import RobustFit, basis, memory
+from pipeline.estimation.robust_fit import RobustFit, basis, huber
 
 _FEWEST_FOR_DRIFT, _FEWEST_FOR_STEP = 6, 8
 _FEWEST_OF_ONE_LEVEL = 3  # runs between two steps: fewer are odd runs
@@ -29,10 +29,18 @@ class Candidate:
     chance: float
 
 
-def clearest(fit: RobustFit, order: np.ndarray, known: Sequence[Candidate], seed: int) -> Candidate | None:
-    """Return the change that explains most of what the fit leaves; None where runs are too few to tell.
+def next_change(
+    fit: RobustFit,
+    order: np.ndarray,
+    known: Sequence[Candidate],
+    refit: Callable[[Sequence[Candidate]], RobustFit],
+    limit: float,
+    seed: int,
+) -> tuple[Candidate, RobustFit] | None:
+    """Return the change that explains most of what `fit` leaves, of those chance does not, and the fit with it; None for none.
 
-    `order` is the column of a drift, -1/2 to 1/2; `known` are changes that the fit holds already.
+    `order` is the column of a drift, -1/2 to 1/2; `known` are changes that the fit holds already; `refit` fits with changes;
+    `limit` is the largest chance at which one counts.
     """
     n, p = fit.design.shape
     if n - p < _FEWEST_FOR_DRIFT - 1:
@@ -40,18 +48,48 @@ def clearest(fit: RobustFit, order: np.ndarray, known: Sequence[Candidate], seed
     left = _Left.by(fit)
     if not left.psi @ left.psi > 0:
         return None
-    slow = 2 + len(known)
-    drift = None if any(one.window is None for one in known) else left.drift(order, n - p - 1, slow)
+    # Each end of a window is fitted as well: a drift is not taken for a step that happens to lie well.
+    may_be: list[tuple[float, Candidate, np.ndarray | None]] = []
+    if all(one.window is not None for one in known) and (gain := left.gain_of(order)) is not None:
+        may_be.append((gain, Candidate(order, None, 1.0), None))
     windows = left.windows(known) if n - p >= _FEWEST_FOR_STEP - 1 else np.zeros((0, 2), dtype=int)
-    if not windows.size:
-        return None if drift is None else Candidate(order, None, drift[1])
-    gains = left.gains(left.psi, windows)
-    if drift is not None and drift[0] > gains.max():
-        return Candidate(order, None, drift[1])
-    chance = left.chance(windows, int(gains.argmax()), slow, seed)
-    first, after = left.to_the_run(windows[gains.argmax()], known)
+    if windows.size:
+        gains = left.gains(left.psi, windows)
+        for ends in (1, 2):
+            of = np.flatnonzero((windows[:, 1] < n) == (ends == 2))
+            if of.size:
+                best = of[gains[of].argmax()]
+                window = (int(windows[best, 0]), int(windows[best, 1]))
+                may_be.append(
+                    (float(gains[best]) - ends * math.log(n), Candidate(_column(window, n), window, 1.0), windows)
+                )
+    for _, candidate, among in sorted(may_be, key=lambda one: -one[0]):
+        trial = refit([*known, candidate])
+        t, dof = _t(trial, len(known) + 1, -1)
+        chance = _chance_of_t(t, dof) if among is None else left.chance(t, dof, n - p - 1, among, seed)
+        chance = min(chance * len({one[1].window is None for one in may_be}), 1.0)
+        if chance <= limit:
+            moved = left.moved(candidate, trial, known)
+            return replace(moved, chance=chance), trial if moved is candidate else refit([*known, moved])
+    return None
+
+
+def needed(fit: RobustFit, terms: Sequence[Candidate], limit: float) -> list[Candidate]:
+    """Return those changes of a fit that are still needed beside the others: a drift is not where a step explains it."""
+    chances = [_chance_of_t(*_t(fit, len(terms), place - len(terms))) for place in range(len(terms))]
+    return [term for term, chance in zip(terms, chances, strict=True) if chance <= limit]
+
+
+def _t(fit: RobustFit, changes: int, place: int) -> tuple[float, float]:
+    """Return a coefficient over its standard error, and the degrees of freedom of that."""
+    covariance, dof = fit.covariance(1 + changes)
+    variance = float(covariance[place, place])
+    return (float(fit.beta[place]) / math.sqrt(variance) if variance > 0 else math.inf), dof
+
+
+def _column(window: tuple[int, int], n: int) -> np.ndarray:
     place = np.arange(n)
-    return Candidate(((place >= first) & (place < after)).astype(float), (first, after), chance)
+    return ((place >= window[0]) & (place < window[1])).astype(float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,17 +112,12 @@ class _Left:
         psi = fit.psi - Q @ (Q.T @ fit.psi)
         return cls(psi, weight, Q, _before(weight**2), _before(Q * weight[:, None]))
 
-    def drift(self, order: np.ndarray, dof: float, slow: int) -> tuple[float, float] | None:
-        """Return the gain of a drift and its chance; None where it cannot be told from what was fitted."""
-        column = self.beside(order * self.weight)
-        length, whole = float(column @ column), float(order * self.weight @ (order * self.weight))
-        if length <= 1e-9 * whole:
-            return None
-        along = float(column @ self.psi)
-        gain, rest = along**2 / length, self.psi - column * along / length
-        dof = dof / memory(rest, slow)
-        t = math.sqrt(gain * dof / max(float(rest @ rest), 1e-12 * gain))
-        return gain, _chance_of_t(t, dof)
+    def gain_of(self, column: np.ndarray) -> float | None:
+        """Return by how much a column lowers the sum of squares; None where it cannot be told from what was fitted."""
+        weighted = column * self.weight
+        own = self.beside(weighted)
+        length = float(own @ own)
+        return float(own @ self.psi) ** 2 / length if length > 1e-9 * float(weighted @ weighted) else None
 
     def beside(self, column: np.ndarray) -> np.ndarray:
         """Return the part of a column that was not fitted."""
@@ -125,29 +158,35 @@ class _Left:
             (sums[..., after] - sums[..., first]) ** 2 / (self.lengths(windows) if lengths is None else lengths)
         )
 
-    def to_the_run(self, window: np.ndarray, known: Sequence[Candidate]) -> tuple[int, int]:
-        """Return the best window whose ends are near those of `window`."""
+    def near(self, window: np.ndarray | tuple[int, int], known: Sequence[Candidate]) -> np.ndarray:
+        """Return `window` and those whose ends are near its own, shape (m, 2)."""
         n = self.psi.size
-        reach = 0 if window[1] == n else n // (_ENDS_OF_SPELLS - 1) + 1
-        near = np.arange(-reach, reach + 1)
-        first, after = (np.clip(end + near, 0, n) for end in window)
-        windows = np.stack(np.meshgrid(first, after, indexing="ij"), axis=-1).reshape(-1, 2)
-        windows = np.concatenate([window[None], self._usable(windows, known)])
-        best = windows[int(self.gains(self.psi, windows).argmax())]
-        return int(best[0]), int(best[1])
+        first, after = window
+        near = np.arange(-(n // (_ENDS_OF_SPELLS - 1)) - 1, n // (_ENDS_OF_SPELLS - 1) + 2)
+        ends = np.array([n]) if after == n else np.clip(after + near, 0, n)
+        windows = np.stack(np.meshgrid(np.clip(first + near, 0, n), ends, indexing="ij"), axis=-1).reshape(-1, 2)
+        return np.concatenate([np.array([[first, after]]), self._usable(windows, known)])
 
-    def chance(self, windows: np.ndarray, best: int, slow: int, seed: int) -> float:
-        """Return how often chance makes any of `windows` as clear as the `best`.
+    def moved(self, found: Candidate, fit: RobustFit, known: Sequence[Candidate]) -> Candidate:
+        """Return a change of `fit`, its last, with its ends where its size, rather than a limited part of it, puts them."""
+        if found.window is None:
+            return found
+        size = float(fit.beta[-1]) / fit.sd
+        without = fit.left + size * found.column
+        better = _before(huber(without) - huber(without - size))
+        windows = self.near(found.window, known)
+        first, after = windows[int((better[windows[:, 1]] - better[windows[:, 0]]).argmax())]
+        window = (int(first), int(after))
+        return found if window == found.window else replace(found, column=_column(window, self.psi.size), window=window)
 
-        The clearness, over the number of neighbours that are alike beside that change, is held against that of the runs in
+    def chance(self, t: float, dof: float, free: int, windows: np.ndarray, seed: int) -> float:
+        """Return how often chance makes any of `windows` as clear as one with this `t`, refitted with `free` runs to spare.
+
+        The clearness, over the number of neighbours that are alike (`free` over `dof`), is held against that of the runs in
         random order; the tail is that of the largest of many (Gumbel).
         """
-        place = np.arange(self.psi.size)
-        first, after = windows[best]
-        column = self.beside(((place >= first) & (place < after)) * self.weight)
-        rest = self.psi - column * float(column @ self.psi) / float(column @ column)
-        lengths = self.lengths(windows)
-        found = float(self._clearness(self.psi, windows, lengths)) / memory(rest, slow)
+        place, lengths = np.arange(self.psi.size), self.lengths(windows)
+        found = place.size * math.log1p(min(t**2 / dof, 1e12)) * dof / free
         rng = np.random.default_rng(seed)
         largest = np.empty(_PERMUTATIONS)
         at_once = max(_NUMBERS_AT_ONCE // (place.size + lengths.size), 1)

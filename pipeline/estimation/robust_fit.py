@@ -5,6 +5,7 @@ For numbers of runs in their order; not for signals.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,9 +81,16 @@ class RobustFit:
         return inverse * variance * alike, max((n - p) / alike, 1.0)
 
 
+def huber(z: np.ndarray) -> np.ndarray:
+    """Return Huber's loss of residuals in standard deviations: half the square of small ones, linear beyond his limit."""
+    size = np.abs(z)
+    return np.asarray(np.where(size < _HUBER, size**2 / 2, _HUBER * size - _HUBER**2 / 2))
+
+
 def memory(psi: np.ndarray, slow: int) -> float:
     """Return how many neighbouring runs count as one."""
-    return max(psi.size / effective_size(psi, slow), 1.0)
+    # Two autocorrelations of n independent numbers sum to this, in standard deviations.
+    return max(psi.size / effective_size(psi, slow, math.sqrt(2 / psi.size)), 1.0)
 
 
 def _free(rows: np.ndarray) -> np.ndarray:

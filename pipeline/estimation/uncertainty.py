@@ -58,7 +58,7 @@ def autocovariance(residual: np.ndarray, lags: int) -> np.ndarray:
     return np.asarray(np.fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[: lags + 1] / centred.size)
 
 
-def effective_size(residual: np.ndarray, fitted: int = 1) -> float:
+def effective_size(residual: np.ndarray, fitted: int = 1, least: float = 0.0) -> float:
     """Return how many independent samples carry as much on the mean as these correlated ones.
 
     The autocorrelation is summed over Geyer's initial monotone sequence (Statistical Science 7,
@@ -71,6 +71,8 @@ def effective_size(residual: np.ndarray, fitted: int = 1) -> float:
     fitted
         Slow columns (mean, trend, slow loads) that were fitted: each took its share of the low
         frequencies out of the residual, which is given back here.
+    least
+        Sums of two neighbouring autocorrelations up to this end the sequence; of few samples much above 0 is noise.
 
     Examples
     --------
@@ -92,7 +94,7 @@ def effective_size(residual: np.ndarray, fitted: int = 1) -> float:
         lost = fitted * time * covariance[0] / n
         correlation = (covariance[:even] + lost) / (covariance[0] + lost)
         pairs = correlation[0::2] + correlation[1::2]
-        stop = int(np.argmax(pairs <= 0)) if np.any(pairs <= 0) else pairs.size
+        stop = int(np.argmax(pairs <= least)) if np.any(pairs <= least) else pairs.size
         before, time = time, max(2 * float(np.minimum.accumulate(pairs[:stop]).sum()) - 1, 1.0)
         if abs(time - before) < 0.01 * time or time > n / 4:
             break
