@@ -6,12 +6,14 @@ what it had done or begun is done again by another one, and a recording appears 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, TypeVar
 
 from pipeline import __version__
+from pipeline.campaign.remote.at_once import within
 from pipeline.errors import InputError, listing
 
 Result = TypeVar("Result")
@@ -20,6 +22,9 @@ VARIABLE = "RIGFIT_ENGINE"
 _SCHEME = "dask://"
 _EXPECTED = f"expected is {_SCHEME}HOST:PORT of a Dask scheduler, or no {VARIABLE} at all for the cores of this machine"
 _SECONDS_TO_ANSWER = 20
+_SECONDS_WITHOUT_WORKERS, _GLANCE = 60.0, 2.0
+_CUT_OFF = {"CancelledError", "FutureCancelledError", "CommClosedError"}
+_AGAIN = "Start what is missing and run the same command again; what was done is not done again."
 
 
 def on_cluster(
@@ -40,16 +45,18 @@ def on_cluster(
     Raises
     ------
     InputError
-        If nobody answers there, no worker is there, or a worker has no rigfit or another version of it, or dies of a task
-        and there is no `died`.
+        If nobody answers there, no worker is there or left, or a worker has no rigfit or another version of it, or dies of
+        a task and there is no `died`.
     """
     with _client(engine) as client:
         _check_workers(engine, client)
         futures = [client.submit(function, *task, pure=False) for task in tasks]
         for at, future in enumerate(futures):
             try:
-                yield future.result()
+                yield _result(engine, client, future)
             except Exception as error:
+                if type(error).__name__ in _CUT_OFF:
+                    raise InputError(f"{VARIABLE}={engine}: the scheduler is gone. {_AGAIN}") from error
                 if type(error).__name__ != "KilledWorker":
                     raise
                 if died is not None:
@@ -60,6 +67,22 @@ def on_cluster(
                     "their logs: most often they had too little memory."
                 ) from error
             future.release()
+
+
+def _result(engine: str, client: Any, future: Any) -> Any:
+    """Wait for a result as long as there are workers."""
+    lonely = 0.0
+    while lonely < _SECONDS_WITHOUT_WORKERS:
+        try:
+            return future.result(timeout=_GLANCE)
+        except TimeoutError:
+            if future.done():  # the work itself ran out of time
+                raise
+            lonely = 0.0 if client.scheduler_info()["workers"] else lonely + _GLANCE
+    raise InputError(
+        f"{VARIABLE}={engine}: no worker is left, for {_SECONDS_WITHOUT_WORKERS:g} s now. Look into their logs: most often they "
+        f"had too little memory. {_AGAIN}"
+    )
 
 
 @contextmanager
@@ -75,8 +98,13 @@ def _client(engine: str) -> Iterator[Any]:
             f"{VARIABLE}={engine}: working on a cluster takes the optional extra 'dask' of rigfit ({error}). Install it with: "
             "pip install 'rigfit[dask]'"
         ) from error
+    # A lost worker is mended here and no news to the user.
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
-        client = distributed.Client(f"tcp://{host}:{port}", timeout=_SECONDS_TO_ANSWER, set_as_default=False)
+        client = within(
+            lambda: distributed.Client(f"tcp://{host}:{port}", timeout=_SECONDS_TO_ANSWER, set_as_default=False),
+            _SECONDS_TO_ANSWER + 5,  # something else than a scheduler may take the call and say nothing
+        )
     except OSError as error:
         raise InputError(
             f"{VARIABLE}={engine}: no Dask scheduler answers there within {_SECONDS_TO_ANSWER} s. Start one with 'dask "

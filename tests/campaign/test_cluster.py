@@ -27,6 +27,7 @@ TOY_RIG = str(Path(__file__).resolve().parents[1] / "toy_rig")
 @dataclass
 class Cluster:
     address: str
+    scheduler: subprocess.Popen[bytes]
     workers: list[subprocess.Popen[bytes]]
 
 
@@ -61,7 +62,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
             workers.append(start("distributed.cli.dask_worker", f"tcp://{address}", *words, log=log))
         for at in range(2):
             said(folder / f"worker{at}.log", r"(Registered to)")
-        yield Cluster(f"dask://{address}", workers)
+        yield Cluster(f"dask://{address}", scheduler, workers)
     finally:
         for process in (*workers, scheduler):
             process.kill()
@@ -113,3 +114,37 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(
     began = [path.name.split(".") for path in tmp_path.iterdir()]
     assert {pid for _, pid in began} == {str(worker.pid) for worker in cluster.workers}
     assert {pid for _, pid in found[-8:]} == {cluster.workers[1].pid}
+
+
+def test_when_the_last_worker_is_gone_it_does_not_wait_for_ever(
+    cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pipeline.campaign.cluster._SECONDS_WITHOUT_WORKERS", 1.0)
+    monkeypatch.setattr("pipeline.campaign.cluster._GLANCE", 0.5)
+    tasks = [(number, str(tmp_path)) for number in range(24)]
+    results = on_cluster(cluster.address, slow_square, tasks)
+    assert next(results)[0] == 0
+    for worker in cluster.workers:
+        worker.kill()
+        worker.wait()
+    with pytest.raises(
+        InputError, match=r"no worker is left, for 1 s now.*run the same command again; what was done is not"
+    ):
+        list(results)
+
+
+@pytest.mark.thorough
+def test_when_the_scheduler_goes_in_the_middle_it_is_told(cluster: Cluster, tmp_path: Path) -> None:
+    address = cluster.address.removeprefix("dask://")
+    worker = start("distributed.cli.dask_worker", f"tcp://{address}", "--nthreads", "1", "--no-nanny", "--no-dashboard",
+                   "--local-directory", str(tmp_path), log=tmp_path / "worker.log")  # fmt: skip
+    try:
+        said(tmp_path / "worker.log", r"(Registered to)")
+        results = on_cluster(cluster.address, slow_square, [(number, str(tmp_path)) for number in range(24)])
+        assert next(results)[0] == 0
+        cluster.scheduler.kill()
+        with pytest.raises(InputError, match=r"the scheduler is gone\. Start what is missing"):
+            list(results)
+    finally:
+        worker.kill()
+        worker.wait()

@@ -33,5 +33,6 @@ class Resolution:
         """
         if self._levels.size < 8:
             return None
-        multiples = (self._levels - self._levels[0]) / self._step
-        return self._step if np.abs(multiples - np.round(multiples)).max() < 0.02 else None
+        with np.errstate(over="ignore", invalid="ignore"):  # a step among denormal numbers divides to infinity: no step
+            multiples = (self._levels - self._levels[0]) / self._step
+            return self._step if np.abs(multiples - np.round(multiples)).max() < 0.02 else None
