@@ -151,7 +151,7 @@ def cores(megabytes: float) -> list[dict[str, Any]]:
 
 
 def measure(logs: int = LOGS, megabytes: float = MEGABYTES) -> list[dict[str, Any]]:
-    return [*one_more(logs, megabytes), *cores(megabytes / 5), *cores(megabytes)]
+    return [*one_more(logs, megabytes), *cores(megabytes / 5)]
 
 
 if __name__ == "__main__":
