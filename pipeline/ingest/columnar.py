@@ -1,10 +1,12 @@
 """The reader of Parquet and Feather (Arrow) logs: `READER` reads them; the file is one table.
 
 Units stand in a field's metadata, or in the schema's under a channel's name; times as dates count from their first.
+Where pandas had column names of several levels, they are joined by dots.
 """
 
 from __future__ import annotations
 
+import ast
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -14,6 +16,7 @@ import numpy as np
 
 from pipeline.errors import EmptyLogError, InputError
 from pipeline.ingest.column_table import as_numbers, as_text, named, seconds_since
+from pipeline.ingest.delimited.header import is_units_row, unit_in_row
 from pipeline.ingest.misnamed import misnamed
 from pipeline.ingest.reader import BLOCK_ROWS, RawChannel, RawLog, RawTable, Reader
 from pipeline.recording import QualityFinding
@@ -33,7 +36,7 @@ class ColumnarReader(Reader):
     """Reads Parquet files, and Feather files of version 2 (Arrow's own)."""
 
     name = "columnar"
-    version = 1
+    version = 2
     suffixes = (".parquet", ".pq", ".feather", ".arrow", ".ipc")
 
     def recognises(self, head: bytes, suffix: str) -> bool:
@@ -119,12 +122,13 @@ class ArrowTable(RawTable):
                 self.left_out.append((field.name, str(kind)))
         self._text = {channel.name for channel in self.channels if channel.is_text}
         in_file = [channel.name for channel in self.channels]
-        self.channels = named(self.channels)
+        leveled = _of_levels(in_file, source.schema.metadata)
+        self.channels = named([_as_leveled(channel, leveled) for channel in self.channels])
         self._in_file = dict(zip([channel.name for channel in self.channels], in_file, strict=True))
         self._zeros = {name: self._first_date(name) for name in self._dates}
         dated = [name for name in self._dates if self._zeros[name] is not None]
         if len(dated) == 1:
-            self.time_channel = dated[0]
+            self.time_channel = self.channels[in_file.index(dated[0])].name
             self.absolute_start = str(self._zeros[dated[0]])
 
     def blocks(self, names: Sequence[str] | None = None) -> Iterator[dict[str, np.ndarray]]:
@@ -216,6 +220,40 @@ def _broken(path: Path, kind: str, error: Exception) -> InputError:
         f"{path}: this {kind} file is broken or was cut off ({str(error).splitlines()[0][:160]}). Its list of contents stands "
         "at its end, so that nothing of it can be read; copy or write it again."
     )
+
+
+def _of_levels(names: Sequence[str], metadata: Mapping[bytes, bytes] | None) -> dict[str, tuple[str, str | None]]:
+    """Return names and units of columns that pandas named in several levels: it writes such a name as a tuple's text.
+
+    A last level that holds units, as a units row that was read with the header does, gives them.
+    """
+    try:
+        said = json.loads((metadata or {}).get(b"pandas", b"{}"))
+        if len(said.get("column_indexes") or ()) < 2:
+            return {}
+    except (ValueError, AttributeError, TypeError, RecursionError):
+        return {}
+    levels: dict[str, list[str]] = {}
+    for name in names:
+        try:
+            parts = ast.literal_eval(name)
+        except (ValueError, SyntaxError, MemoryError, RecursionError):  # an index, dates as names
+            continue
+        if isinstance(parts, tuple):
+            words = [str(part).strip() for part in parts]
+            levels[name] = ["" if word.startswith("Unnamed: ") else word for word in words]
+    if is_units_row([parts[-1] for parts in levels.values() if len(parts) > 1]):
+        return {name: (_dotted(parts[:-1]), unit_in_row(parts[-1])) for name, parts in levels.items()}
+    return {name: (_dotted(parts), None) for name, parts in levels.items()}
+
+
+def _dotted(parts: Sequence[str]) -> str:
+    return ".".join(part for part in parts if part)
+
+
+def _as_leveled(channel: RawChannel, leveled: Mapping[str, tuple[str, str | None]]) -> RawChannel:
+    name, unit = leveled.get(channel.name, ("", None))
+    return RawChannel(name, channel.unit or unit, channel.is_text) if name else channel
 
 
 def _unit(field: pa.Field, schema: pa.Schema) -> str | None:

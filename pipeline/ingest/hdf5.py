@@ -59,7 +59,7 @@ class Hdf5Reader(Reader):
     """Reads HDF5 files, also those behind a block of another program's."""
 
     name = "hdf5"
-    version = 2
+    version = 3
     suffixes = (".h5", ".hdf5", ".hdf", ".nc")
 
     def recognises(self, head: bytes, suffix: str) -> bool:
@@ -86,7 +86,7 @@ class Hdf5Reader(Reader):
         contents = _Contents()
         with opened(path) as file:
             _attributes(contents, file, "")
-            _walk(contents, file, "")
+            _walk(contents, file, "", {_identity(file)})
         tables = [_table(path, contents, at) for at in contents.columns]
         tables = [table for table in tables if any(not channel.is_text for channel in table.channels)]
         if not tables:
@@ -121,8 +121,20 @@ def opened(path: Path) -> Iterator[Any]:
         ) from error
 
 
-def _walk(contents: _Contents, group: Any, place: str) -> None:
-    """List the data sets of a group and of those in it; links to other files are not followed."""
+def _identity(of: Any) -> tuple[int, int]:
+    """Return what tells an object of a file whatever the name that it was reached by."""
+    import h5py
+
+    info = h5py.h5o.get_info(of.id)
+    return info.fileno, info.addr
+
+
+def _walk(contents: _Contents, group: Any, place: str, seen: set[tuple[int, int]]) -> None:
+    """List the data sets of a group and of those in it; links to other files are not followed.
+
+    A group of several names (one may stand within itself) is read once. A data set is read under each of its names:
+    groups share their times so.
+    """
     import h5py
 
     for name in group:
@@ -133,8 +145,12 @@ def _walk(contents: _Contents, group: Any, place: str) -> None:
             continue
         found = group[name]
         if isinstance(found, h5py.Group):
+            if (identity := _identity(found)) in seen:
+                contents.left_out.append(f"{path} (another name of a group that is read)")
+                continue
+            seen.add(identity)
             _attributes(contents, found, path.replace("/", ".") + ".")
-            _walk(contents, found, path)
+            _walk(contents, found, path, seen)
         elif isinstance(found, h5py.Dataset):
             contents.sets += 1
             if contents.sets > _MOST_SETS:

@@ -1,7 +1,8 @@
 """The reader of TDMS logs (LabVIEW, FlexLogger, DIAdem): `READER` reads them with npTDMS.
 
 Each group is a table; where its channels differ in length or in their waveform's clock, it is as many tables as there are
-clocks. A waveform's start and increment are its time; a group without any needs a channel that is time.
+clocks. A waveform's start and increment are its time; a group without any needs a channel that is time. What a cut-off
+last segment lacks of some channels makes no other clock: rows are read as far as every channel of their table has them.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.errors import InputError, listing
+from pipeline.errors import InputError, counted, listing
 from pipeline.ingest.column_table import ColumnSource, ColumnTable, is_number
 from pipeline.ingest.extras import library
 from pipeline.ingest.misnamed import misnamed
@@ -40,7 +41,7 @@ class TdmsReader(Reader):
     """Reads TDMS files of version 1 and 2."""
 
     name = "tdms"
-    version = 2
+    version = 3
     suffixes = (".tdms",)
 
     def recognises(self, head: bytes, suffix: str) -> bool:
@@ -60,7 +61,7 @@ class TdmsReader(Reader):
                 raise misnamed(path, "TDMS file")
         notes: list[QualityFinding] = []
         metadata = _Said()
-        tables: list[ColumnTable] = []
+        tables: list[TdmsTable] = []
         with _opened(path) as file:
             metadata.take(file.properties)
             for group in file.groups():
@@ -68,8 +69,9 @@ class TdmsReader(Reader):
                 for channel in group.channels():
                     metadata.take(channel.properties, channel.name, group.name)
             signals = any(len(channel) >= _SHORTEST_SIGNAL for group in file.groups() for channel in group.channels())
+            lacking = _lacking(file)
             for group in file.groups():
-                for clock, channels in _by_clock(group, notes).items():
+                for clock, channels in _by_clock(group, lacking, notes).items():
                     if signals and _are_parameters(clock, channels):
                         metadata.values(group.name, channels)
                     elif clock[1] is None and all(_is_text(channel) for channel in channels):
@@ -81,8 +83,7 @@ class TdmsReader(Reader):
         if not tables:
             raise InputError(f"{path}: this TDMS file holds no channel with samples. Was the recording started?")
         if incomplete:
-            text = f"{path.name}: the last segment of this TDMS file is cut off; what was written of it is read."
-            notes.append(QualityFinding("warning", text))
+            notes.append(_said_cut(path, tables))
         _name_tables(tables)
         return RawLog(path, "TDMS", tables, metadata.found, {"version": version}, tuple(notes))
 
@@ -111,13 +112,16 @@ def _group(path: Path, group: str) -> Iterator[Whole]:
 
 
 class TdmsTable(ColumnTable):
-    """Channels of a group with one clock."""
+    """Channels of a group with one clock; `lost` are the rows that a cut-off last segment lacks, at least of one channel."""
+
+    lost = 0
 
     def passing(self, file: Any, wanted: Mapping[str, ColumnSource]) -> Iterator[tuple[Any, int, int]]:
         """Yield the samples as the file's segments have them, where these are many and small."""
         channels = {column.of for column in wanted.values() if column.of}
         for held in file.passes(channels, BLOCK_ROWS):
-            yield held, held.start, held.start + held.rows
+            if held.start < self.rows:  # these channels may have samples that others of the table have lost
+                yield held, held.start, min(held.start + held.rows, self.rows)
 
 
 class _Said:
@@ -143,14 +147,20 @@ class _Said:
             self.found.setdefault(full, text)
 
 
-def _by_clock(group: Any, notes: list[QualityFinding]) -> dict[_Clock, list[Any]]:
-    """Return the channels of a group by what they share: number of samples, increment, start."""
+def _lacking(file: Any) -> dict[str, int]:
+    """Return how many samples a cut-off last segment lacks of its channels, by their paths."""
+    found = file.file_status.channel_statuses or {}
+    return {path: int(status.expected_length - status.read_length) for path, status in found.items()}
+
+
+def _by_clock(group: Any, lacking: Mapping[str, int], notes: list[QualityFinding]) -> dict[_Clock, list[Any]]:
+    """Return the channels of a group by what they share: number of samples that were to be, increment, start."""
     by_clock: dict[_Clock, list[Any]] = {}
     for channel in group.channels():
         if len(channel) == 0:
             notes.append(QualityFinding("note", f"the channel '{group.name}/{channel.name}' is empty, left out."))
             continue
-        by_clock.setdefault(_clock(channel), []).append(channel)
+        by_clock.setdefault(_clock(channel, lacking.get(channel.path, 0)), []).append(channel)
     return by_clock
 
 
@@ -167,8 +177,23 @@ def _said_words(group: str, channels: list[Any]) -> QualityFinding:
     return QualityFinding("note", f"without a time of their own, words are left out: {names}.")
 
 
-def _clock(channel: Any) -> _Clock:
-    """Return number of samples, increment (s; None without), offset (s) and start (text) of a channel's waveform."""
+def _said_cut(path: Path, tables: list[TdmsTable]) -> QualityFinding:
+    """Tell that the last segment is cut off, and what is lost with it."""
+    text = f"{path.name}: the last segment of this TDMS file is cut off; what was written of it is read."
+    lost = [
+        f" Group '{table.name}': {counted(table.rows, 'row')}, as far as each of its channels goes, at least "
+        f"{counted(table.lost, 'row')} lost."
+        for table in tables
+        if table.lost
+    ]
+    return QualityFinding("warning", text + "".join(lost))
+
+
+def _clock(channel: Any, lacking: int) -> _Clock:
+    """Return number of samples, increment (s; None without), offset (s) and start (text) of a channel's waveform.
+
+    `lacking` are samples that a cut-off segment lacks; they count.
+    """
     properties = channel.properties
     increment = properties.get("wf_increment")
     usable = isinstance(increment, int | float) and np.isfinite(increment) and increment > 0
@@ -177,11 +202,12 @@ def _clock(channel: Any) -> _Clock:
     # LabVIEW writes 1904 where it knows no date.
     begins = "" if begins.startswith("1904-01-01T00:00:00.000") or begins == "NaT" else begins
     offset = float(properties.get("wf_start_offset") or 0.0)
-    return len(channel), float(increment) if usable else None, offset if usable else 0.0, begins
+    return len(channel) + lacking, float(increment) if usable else None, offset if usable else 0.0, begins
 
 
-def _table(path: Path, group: str, clock: _Clock, channels: list[Any]) -> ColumnTable:
-    rows, increment, offset, begins = clock
+def _table(path: Path, group: str, clock: _Clock, channels: list[Any]) -> TdmsTable:
+    expected, increment, offset, begins = clock
+    rows = min(len(channel) for channel in channels)
     columns = [column for channel in channels for column in _columns(channel)]
     time = None
     if increment is not None:
@@ -194,7 +220,9 @@ def _table(path: Path, group: str, clock: _Clock, channels: list[Any]) -> Column
         time = dates[0].name
         with _group(path, group) as whole:
             first = np.datetime64(dates[0].read(whole, 0, 1)[0])
-    return TdmsTable(group, columns, rows, lambda: _group(path, group), time, begins or None, first)
+    table = TdmsTable(group, columns, rows, lambda: _group(path, group), time, begins or None, first)
+    table.lost = expected - rows
+    return table
 
 
 def _columns(channel: Any) -> list[ColumnSource]:
@@ -229,7 +257,7 @@ def _unit(channel: Any) -> str | None:
     return next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), None)
 
 
-def _name_tables(tables: list[ColumnTable]) -> None:
+def _name_tables(tables: list[TdmsTable]) -> None:
     """Give each table its group's name, with a number where a group became several; none to the only one."""
     if len(tables) == 1:
         tables[0].name = ""

@@ -96,6 +96,9 @@ def _find_time(source: Source, entry: ChannelMap) -> TimeSource:
     named = [channel.name for channel in channels if plain(channel.name) == "ts"]
     if named:  # the last resort: where it holds one number only, it was the step
         return _channel(source, named[0], entry.unit)
+    named = [channel.name for channel in channels if _bare(channel.name.rpartition(".")[2]) in _NAMES]
+    if len(named) == 1:  # a.time
+        return _channel(source, named[0], entry.unit)
     wanted = f"the recipe's time channel '{entry.channel}' is not there" if entry.channel else "no channel is time"
     raise InputError(
         f"{source.where}: {wanted}. The log has: {shown(channels)}. Call a column 'time', or say in the recipe, under "

@@ -10,9 +10,10 @@ import pytest
 from pipeline.errors import EmptyLogError, InputError
 from pipeline.ingest import registry
 from pipeline.ingest.ingest import ingest_run
-from pipeline.ingest.mapping import ChannelMap
+from pipeline.ingest.mapping import ChannelMap, Source
 from pipeline.ingest.reader import RawLog
 from pipeline.ingest.scan import scan_log
+from pipeline.ingest.timebase import find_times
 from pipeline.recording.storage import read_folder
 from pipeline.rigs.experiment import ChannelSpec
 
@@ -304,3 +305,101 @@ def test_objects_of_matlab_are_told_with_what_to_do(tmp_path: Path) -> None:
         file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
     with pytest.raises(InputError, match=r"TT \(a timetable; save it as vectors, in MATLAB: .*timetable2table"):
         registry.open_log(tmp_path / "a.mat")
+
+
+def test_a_tdms_cut_off_within_a_segment_is_read_as_far_as_all_its_channels_go(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A logger that was killed: of the last 500 rows, time is whole, one channel in part there, one not at all."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    whole = tmp_path / "whole.tdms"
+    with TdmsWriter(whole) as writer:
+        for start in range(0, N, 500):
+            rows = slice(start, start + 500)
+            values = {"time": TIME[rows], "force": WAVE[rows], "current": 2 * WAVE[rows]}
+            writer.write_segment([ChannelObject("daq", name, part, {}) for name, part in values.items()])
+    monkeypatch.setattr("pipeline.ingest.tdms.BLOCK_ROWS", 300)
+    for cut, rows in ((8, 1999), (7, 1999), (8 * 700, 1500)):
+        (tmp_path / "cut.tdms").write_bytes(whole.read_bytes()[:-cut])
+        for largest in (0, 1 << 30):  # asked for one by one, and as they pass
+            monkeypatch.setattr("pipeline.ingest.tdms_samples._LARGEST_PIECE", largest)
+            log = registry.open_log(tmp_path / "cut.tdms")
+            (table,) = log.tables
+            np.testing.assert_array_equal(column(log, "current"), 2 * WAVE[:rows])
+            blocks = list(table.blocks(["time", "force"]))  # which have more samples than the table has rows
+            np.testing.assert_array_equal(np.concatenate([block["force"] for block in blocks]), WAVE[:rows])
+            assert (
+                f"'daq': {rows} rows, as far as each of its channels goes, at least {N - rows} row"
+                in log.notes[0].message
+            )
+
+
+def test_channels_of_a_cut_off_tdms_that_were_never_of_one_length_stay_tables_of_their_own(tmp_path: Path) -> None:
+    from nptdms import ChannelObject
+
+    fast, slow = ChannelObject("daq", "force", WAVE, WAVEFORM), ChannelObject("daq", "oil", TIME[:200], {})
+    tdms(tmp_path / "a.tdms", fast, slow)
+    (tmp_path / "b.tdms").write_bytes((tmp_path / "a.tdms").read_bytes()[:-80])
+    log = registry.open_log(tmp_path / "b.tdms")
+    np.testing.assert_array_equal(column(log, "force", "daq"), WAVE)
+    np.testing.assert_array_equal(column(log, "oil", "daq 2"), TIME[:190])
+
+
+@pytest.mark.parametrize("third", [False, True])
+def test_names_of_several_levels_in_parquet_are_joined_with_their_units(tmp_path: Path, third: bool) -> None:
+    """As pandas has them of a header of two rows; where a third one holds units, they are taken from it."""
+    import pandas as pd
+
+    names = [("time", ""), ("a", "displacement"), ("b", "force"), ("b", "Unnamed: 3_level_1")]
+    units = ["s", "mm", "kN", "A"]
+    if third:
+        names = [(*name, unit) for name, unit in zip(names, units, strict=True)]
+    else:
+        names = [(f"{first} [{unit}]", "") if second in ("", names[3][1]) else (first, f"{second} [{unit}]")
+                 for (first, second), unit in zip(names, units, strict=True)]  # fmt: skip
+    columns = pd.MultiIndex.from_tuples(names)
+    frame = pd.DataFrame(np.column_stack([TIME, WAVE, 2 * WAVE, 3 * WAVE]), columns=columns)
+    frame.to_parquet(tmp_path / "a.parquet")
+    log = registry.open_log(tmp_path / "a.parquet")
+    found = [(channel.name, channel.unit) for channel in log.tables[0].channels]
+    assert found == list(zip(["time", "a.displacement", "b.force", "b"], units, strict=True))
+    np.testing.assert_array_equal(column(log, "b.force"), 2 * WAVE)
+
+
+def test_one_column_called_time_in_its_last_part_is_the_time(tmp_path: Path) -> None:
+    import pandas as pd
+
+    frame = pd.DataFrame({("a", "time [ms]"): 1000 * TIME, ("a", "force [N]"): WAVE, ("b", "times"): WAVE})
+    frame.to_parquet(tmp_path / "a.parquet")
+    log = registry.open_log(tmp_path / "a.parquet")
+    (time,) = find_times([Source(log, log.tables[0], "a", "")], None)
+    assert (time.channel, time.unit) == ("a.time", "ms")
+
+
+def test_a_date_among_names_of_several_levels_is_the_time(tmp_path: Path) -> None:
+    import pandas as pd
+
+    when = pd.date_range("2024-05-06 10:00", periods=N, freq="ms")
+    frame = pd.DataFrame({("t", "when"): when, ("a", "force [N]"): WAVE})
+    frame.to_parquet(tmp_path / "a.parquet")
+    (table,) = registry.open_log(tmp_path / "a.parquet").tables
+    assert table.time_channel == "t.when"
+    assert str(table.absolute_start).startswith("2024-05-06T10:00:00")
+    np.testing.assert_allclose(next(iter(table.blocks()))["t.when"], TIME, atol=1e-9)
+
+
+def test_a_group_of_hdf5_that_contains_itself_is_read_once(tmp_path: Path) -> None:
+    import h5py
+
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        group = file.create_group("daq")
+        group["time"], group["force"] = TIME, WAVE
+        group["again"] = group
+        group["root"] = file["/"]
+        other = file.create_group("oil")
+        other["time"], other["pressure"] = group["time"], 2 * WAVE  # a time that two groups share
+    log = registry.open_log(tmp_path / "a.h5")
+    assert [[c.name for c in table.channels] for table in log.tables] == [["force", "time"], ["pressure", "time"]]
+    np.testing.assert_array_equal(column(log, "time", "oil"), TIME)
+    assert sum("another name of a group that is read" in note.message for note in log.notes) == 2
