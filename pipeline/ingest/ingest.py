@@ -33,7 +33,7 @@ from pipeline.recording.storage import (
 )
 
 # Raise it whenever the same log would become another recording.
-VERSION = 5
+VERSION = 6
 
 
 def ingest_run(

@@ -32,6 +32,8 @@ _INFINITE = 1e100
 _SEVERAL = 1000
 # A stated rate is rounded; stamps may be off from it by so much.
 _RATE_TOLERANCE = 1e-3
+# Steps (s) as large as this are rather milliseconds of a logger of up to 20 kHz, or a count, where no unit is given.
+_SLOW = 0.05
 
 
 class Sink(Protocol):
@@ -122,7 +124,13 @@ class StreamInSI:
                 f"{self.clock.where}: '{self.time.channel}' has no unit and is taken as seconds, which makes "
                 f"{1.0 / step:.5g} samples a second."
             )
-            said.append(QualityFinding("note" if not step >= 10.0 else "warning", message))
+            if slow := step >= _SLOW:
+                message += (
+                    " Frequencies and speeds are wrong if it is not: say in the recipe "
+                    f'`time: {{channel: "{self.time.channel}", unit: ms}}` or `unit: s` in it, and `rate: 5 kHz` in it '
+                    "where samples are counted."
+                )
+            said.append(QualityFinding("warning" if slow else "note", message))
         if self._other_clock is not None and self.time.channel is not None:
             said += self._drift.findings(self.clock.where, self.time.channel, self._other_clock)
         return said + self._said_stated_rate(sampling)

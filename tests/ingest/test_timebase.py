@@ -219,3 +219,13 @@ def test_seconds_since_power_on_are_no_days() -> None:
     (stream,), (sink,) = streamed(table, specs=[FORCE])
     np.testing.assert_array_equal(sink.time, 46000.0 + SECONDS)
     assert stream.clock.notes == []
+
+
+@pytest.mark.parametrize(("factor", "level"), [(1.0, "note"), (1e3, "warning")])
+def test_a_time_without_unit_that_would_make_a_slow_log_is_a_warning(factor: float, level: str) -> None:
+    """Milliseconds of 500 Hz, taken as seconds, are one sample in 2 s."""
+    table = MemoryTable({"time": factor * SECONDS, "force": VALUES}, {"force": "N"})
+    (stream,), _ = streamed(table, specs=[FORCE])
+    (said,) = [note for note in stream.notes(sampled(factor * 0.002)) if "has no unit" in note.message]
+    assert said.level == level
+    assert ('`time: {channel: "time", unit: ms}`' in said.message) is (level == "warning")
