@@ -1,7 +1,8 @@
 """The reader of HDF5 logs: `READER` reads them with h5py; MATLAB's version 7.3 is read by `pipeline.ingest.matlab`.
 
 Data sets of one length in one group share a table; columns of a matrix are numbered from 1, members of records dotted.
-Units are their attributes; other attributes and single values are what the log says of itself.
+Units are their attributes; other attributes and single values are what the log says of itself. A time that stands alone in
+a group of its own is that of the groups as long that have none.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from pipeline.errors import InputError, counted, listing
 from pipeline.ingest.column_table import ColumnSource, ColumnTable
+from pipeline.ingest.delimited.header import names_time
 from pipeline.ingest.extras import library
 from pipeline.ingest.hdf5_columns import (
     MOST_COLUMNS,
@@ -59,7 +61,7 @@ class Hdf5Reader(Reader):
     """Reads HDF5 files, also those behind a block of another program's."""
 
     name = "hdf5"
-    version = 3
+    version = 4
     suffixes = (".h5", ".hdf5", ".hdf", ".nc")
 
     def recognises(self, head: bytes, suffix: str) -> bool:
@@ -87,6 +89,7 @@ class Hdf5Reader(Reader):
         with opened(path) as file:
             _attributes(contents, file, "")
             _walk(contents, file, "", {_identity(file)})
+        shared = _share_times(contents)
         tables = [_table(path, contents, at) for at in contents.columns]
         tables = [table for table in tables if any(not channel.is_text for channel in table.channels)]
         if not tables:
@@ -95,7 +98,7 @@ class Hdf5Reader(Reader):
             found = listing(names, 8) if names else "nothing"
             raise InputError(f"{path}: this HDF5 file holds no vector of numbers to read as a channel; it has {found}.")
         _name(tables)
-        notes = [
+        notes = shared + [
             QualityFinding("note", f"a data set was left out: {text}.") for text in contents.left_out[:_MOST_SHOWN]
         ]
         if len(contents.left_out) > _MOST_SHOWN:
@@ -184,6 +187,31 @@ def _sort(contents: _Contents, data: Any, place: str, name: str) -> None:
     else:
         shape = " x ".join(map(str, data.shape))
         contents.left_out.append(f"{full} (an array of {shape} of type {data.dtype})")
+
+
+def _share_times(contents: _Contents) -> list[QualityFinding]:
+    """Give groups without a time the one time of their length that stands alone in a group, and say so."""
+    alone = {
+        at: columns[0]
+        for at, columns in contents.columns.items()
+        if len(columns) == 1 and not columns[0].is_text and names_time([columns[0].name])
+    }
+    said: list[QualityFinding] = []
+    shared: set[tuple[str, int]] = set()
+    for at, columns in contents.columns.items():
+        fitting = [axis for axis in alone if axis[1] == at[1]]
+        if at in alone or len(fitting) != 1 or names_time([column.name for column in columns]):
+            continue
+        axis, time = fitting[0], alone[fitting[0]]
+        columns.insert(0, time)
+        if axis in contents.since:
+            contents.since[at] = contents.since[axis]
+        shared.add(axis)
+        text = f"the group '{at[0] or "/"}' has no time; '{axis[0]}/{time.name}', which is as long, is taken for it."
+        said.append(QualityFinding("note", text))
+    for axis in shared:
+        del contents.columns[axis]
+    return said
 
 
 def _table(path: Path, contents: _Contents, at: tuple[str, int]) -> ColumnTable:

@@ -403,3 +403,23 @@ def test_a_group_of_hdf5_that_contains_itself_is_read_once(tmp_path: Path) -> No
     assert [[c.name for c in table.channels] for table in log.tables] == [["force", "time"], ["pressure", "time"]]
     np.testing.assert_array_equal(column(log, "time", "oil"), TIME)
     assert sum("another name of a group that is read" in note.message for note in log.notes) == 2
+
+
+def test_a_time_alone_in_a_group_of_hdf5_is_that_of_groups_as_long(tmp_path: Path) -> None:
+    import h5py
+
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["axes/time"], file["data/force"], file["short/oil"] = TIME, WAVE, WAVE[:200]
+        file["axes/time"].attrs["units"] = "seconds since 2024-05-06 10:00:00"
+        file["own/t"], file["own/current"] = 2 * TIME, WAVE
+    log = registry.open_log(tmp_path / "a.h5")
+    names = {table.name: [channel.name for channel in table.channels] for table in log.tables}
+    assert names == {"data": ["time", "force"], "own": ["current", "t"], "short": ["oil"]}
+    data = next(table for table in log.tables if table.name == "data")
+    assert (data.time_channel, data.absolute_start) == ("time", "2024-05-06T10:00:00")
+    np.testing.assert_array_equal(column(log, "time", "data"), TIME)
+    assert ["axes/time" in note.message for note in log.notes] == [True]
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file["other/time"] = 3 * TIME  # which of them it is, nothing tells
+    names = {table.name: len(table.channels) for table in registry.open_log(tmp_path / "a.h5").tables}
+    assert names["data"] == 1
