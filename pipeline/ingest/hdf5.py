@@ -207,7 +207,8 @@ def _share_times(contents: _Contents) -> list[QualityFinding]:
         if axis in contents.since:
             contents.since[at] = contents.since[axis]
         shared.add(axis)
-        text = f"the group '{at[0] or "/"}' has no time; '{axis[0]}/{time.name}', which is as long, is taken for it."
+        group = at[0] or "/"
+        text = f"the group '{group}' has no time; '{axis[0]}/{time.name}', which is as long, is taken for it."
         said.append(QualityFinding("note", text))
     for axis in shared:
         del contents.columns[axis]
