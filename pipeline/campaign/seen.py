@@ -49,11 +49,12 @@ class Seen:
         known = self._before.get(str(path))
         state = _state(path)
         digest = str(known[-1]) if known and known[:-1] == state else sha256_of(path)
-        self.hashed(path, digest)
+        if state == _state(path):  # else it is still being written
+            self.hashed(path, digest)
         return digest
 
     def hashed(self, path: Path, digest: str) -> None:
-        """Note a hash that was taken elsewhere."""
+        """Note a hash that is known to be that of the file as it is."""
         state = _state(path)
         changed = max(state[2:])
         grain = _GRAIN if changed % 1_000_000_000 else _COARSE_GRAIN

@@ -174,6 +174,26 @@ def test_a_file_changed_a_moment_ago_is_looked_into_again(tmp_path: Path, reads:
     assert [looked_into(), looked_into()] == [3, 3]
 
 
+def test_a_file_that_changes_while_it_is_hashed_is_looked_into_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("1,2,3\n")
+
+    def slowly(path: Path) -> str:
+        digest = sha256_of(path)
+        path.write_text("4,5,6\n")
+        time.sleep(MOMENT)
+        return digest
+
+    with monkeypatch.context() as patch:
+        patch.setattr(seen_module, "sha256_of", slowly)
+        seen = Seen(tmp_path / "recordings")
+        seen.sha256(path)
+        seen.save()
+    assert Seen(tmp_path / "recordings").sha256(path) == sha256_of(path)
+
+
 def test_a_log_of_the_same_size_with_its_time_put_back_is_read_again(folder: Path, reads: Reads) -> None:
     twice(folder, reads)
     path = folder / "logs" / "r3.csv"

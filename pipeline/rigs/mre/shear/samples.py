@@ -15,6 +15,7 @@ from pipeline.ingest.quality.constant import ConstantStretches, Stretch
 from pipeline.ingest.quality.window import Window
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.mre.pads import Pads
+from pipeline.signals.resampling import interpolated
 
 _FEWEST = 20  # samples of both channels
 # Of a record that is stuck for longer than this share nothing is used.
@@ -84,11 +85,12 @@ def samples_of(recording: Recording, say: Callable[[QualityFinding], None]) -> S
     time, x = recording.signal("displacement")
     force_time, F = recording.signal("force")
     if recording.stream_of("displacement") is not recording.stream_of("force"):
-        inside = (time >= force_time[0]) & (time <= force_time[-1]) if force_time.size else np.zeros(time.size, bool)
-        time, x = time[inside], x[inside]
-        F = np.interp(time, force_time, F) if force_time.size else F[:0]
-        message = "force and displacement have clocks of their own; force was interpolated."
-        say(QualityFinding("note", message, run, "force"))
+        slow = "force" if _step(force_time) > _step(time) else "displacement"
+        at = force_time if slow == "force" else time
+        x, F, time = _at(time, x, at), _at(force_time, F, at), at
+        other = "displacement" if slow == "force" else "force"
+        message = f"force and displacement have clocks of their own; {other} was interpolated at the samples of {slow}."
+        say(QualityFinding("note", message, run, other))
     for name, values in (("displacement", x), ("force", F)):
         if values.size and not np.isfinite(values).any():
             raise UnfitError(f"the channel {name} holds no number", name)
@@ -107,6 +109,22 @@ def samples_of(recording: Recording, say: Callable[[QualityFinding], None]) -> S
         message = f"{count} lone wild sample{'s' if count > 1 else ''} of {name} left out."
         say(QualityFinding("note", message, run, name))
     return _without_stuck(series, run, say)
+
+
+def _step(time: np.ndarray) -> float:
+    return float(np.median(np.diff(time))) if time.size > 1 else 0.0
+
+
+def _at(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return a signal at other times, NaN beyond its ends and in gaps; where it stands still it goes on to do so."""
+    if at is time:
+        return values
+    if time.size < 2:
+        return np.full(at.size, np.nan)
+    found = interpolated(time, values, at)
+    after = np.clip(np.searchsorted(time, at), 1, time.size - 1)
+    level = values[after]
+    return np.where((values[after - 1] == level) & np.isfinite(found), level, found)
 
 
 def _without_stuck(series: Series, run: str, say: Callable[[QualityFinding], None]) -> Series:
