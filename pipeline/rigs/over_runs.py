@@ -50,6 +50,7 @@ _BLOCKS = 30  # of more runs, their means with limits
 _IN_VIEW = 6.0  # spreads; a run farther off is drawn at the edge, with its number
 _NAMED_ODD, _MOST_ODD_ROWS = 6, 50
 _MOST_DAYS = 12
+_ARROWS = ("\u2193", "\u2191")  # beside a run that is drawn at the edge
 _DAY = 86400.0
 _BINS = (8, 48)
 
@@ -71,7 +72,9 @@ def trend_panel(found: OverRuns, title: str = "") -> Panel:
     levels = np.split(known, np.searchsorted(known, _steps(told)))  # the runs between steps
     parts = [_spaced(part) for part in levels]
     at = np.concatenate(parts)
-    spread = told.spread[at] if known.size <= _BARS_UP_TO else np.full(at.size, float(np.median(told.spread[known])))
+    spread = (
+        told.spread[at] if known.size <= _BARS_UP_TO else np.full(at.size, math.sqrt(np.mean(told.spread[known] ** 2)))
+    )
     marks: list[Mark] = [
         Band(x[at], *_about(expected[at], t_quantile(known.size - 1) * spread), "reference", "95 of 100 runs"),
         Band(x[at], *_about(expected[at], t_quantile(told.dof) * told.std_error[at]), "model", "95 % of the line"),
@@ -86,7 +89,9 @@ def trend_panel(found: OverRuns, title: str = "") -> Panel:
         far = np.abs(y - expected)[odd] > reach[odd]
         shown = np.clip(y[odd], expected[odd] - reach[odd], expected[odd] + reach[odd])
         texts = [
-            f"{found.runs[place]}{f': {found.off_text(one)}' if beyond else ''}" if rank < _NAMED_ODD else ""
+            f"{found.runs[place]}{f': {found.off_text(one)} {_ARROWS[one.off > 0]}' if beyond else ''}"
+            if rank < _NAMED_ODD
+            else ""
             for rank, (place, one, beyond) in enumerate(zip(odd, told.odd, far, strict=True))
         ]
         marks.append(Points(x[odd], shown, "fault", "off the others", texts=texts))
@@ -138,7 +143,8 @@ def trend_figure(numbers: Sequence[OverRuns], name: str, title: str, caption: st
         told.append(f"No change and no odd run that chance would not bring about: {listing(calm)}.")
     about = (
         "The line is what is expected of a run, the dark band its 95 % interval; the light band holds 95 of 100 runs. A run "
-        "counts as off the others where chance would bring one so far in one campaign of twenty."
+        "counts as off the others where chance would bring one so far in one campaign of twenty; one with an arrow is farther off "
+        "than it is drawn."
     )
     panels = [
         trend_panel(number, number.what[:1].upper() + number.what[1:] if len(numbers) > 1 else "") for number in numbers

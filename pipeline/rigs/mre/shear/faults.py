@@ -16,8 +16,9 @@ from pipeline.rigs.mre.shear.labels import say_labels
 from pipeline.rigs.mre.shear.operating import Held
 from pipeline.rigs.mre.shear.sampling import say_coarse
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
-from pipeline.rigs.mre.shear.trend import say_spells, say_trend
+from pipeline.rigs.mre.shear.trend import gains_of_fit, say_changes, say_trend
 from pipeline.rigs.mre.shear.unsteady import LAG_SAID, say_unsteady
+from pipeline.rigs.over_runs import MANY
 
 _REMANENCE = 5e-3  # T
 _PRELOAD_CHANGE = 0.1
@@ -44,12 +45,25 @@ def say_faults(runs: SortedRuns) -> list[str]:
     return [doubt for doubt in doubts if doubt]
 
 
-def say_faults_of_fit(runs: SortedRuns, fit: DynamicFit) -> list[str]:
-    """Add what a fit shows; return what casts doubt on the numbers. A rejected fit shows no more than a trend."""
-    trend = say_trend(runs, fit)
+def say_faults_of_fit(runs: SortedRuns, fit: DynamicFit) -> tuple[list[str], list[str]]:
+    """Add what a fit shows; return what casts doubt on the numbers, and what else is to be told.
+
+    A rejected fit shows no more than a trend.
+    """
+    many = len(fit.loops) > MANY
     if fit.rejected:
-        return [trend] if trend else []
-    return [doubt for doubt in (_lag(runs, fit), _mass(fit), trend or _scatter(fit), *say_spells(runs, fit)) if doubt]
+        trend = "" if many else say_trend(runs, fit)
+        return ([trend] if trend else []), []
+    found = gains_of_fit(runs, fit) if many else None
+    changes = say_changes(runs, found) if found is not None else [say_trend(runs, fit)]
+    scatter = fit.run_scatter if found is None else found.course.scatter
+    doubts = [_lag(runs, fit), _mass(fit), *changes]
+    if many or not any(changes):
+        doubts.append(_scatter(fit, scatter, many))
+    odd = found.odd_sentence() if found is not None else ""
+    if odd:
+        runs.say("note", None, odd, "force")
+    return [doubt for doubt in doubts if doubt], [odd] if odd else []
 
 
 def mains_instead(fit: DynamicFit, loops: Sequence[Loop], options: FitOptions, mains: float, runs: SortedRuns) -> None:
@@ -254,10 +268,15 @@ def _mass(fit: DynamicFit) -> str:
     return f"The force was not tared for a moving mass of {mass:.3g} kg, which was fitted along." if mass else ""
 
 
-def _scatter(fit: DynamicFit) -> str:
-    if not fit.run_scatter > _LARGE_SCATTER:
+def _scatter(fit: DynamicFit, scatter: float, many: bool) -> str:
+    if not scatter > _LARGE_SCATTER:
         return ""
+    if many and fit.scatter.at_cap:
+        return (
+            f"The force scatters from run to run by {100 * scatter:.1f} %, and no more than {100 * fit.run_scatter:.1f} % is believed: "
+            "intervals may be too narrow. Runs of different samples, clampings or gains may be mixed."
+        )
     return (
-        f"The force scatters by {100 * fit.run_scatter:.1f} % from run to run; intervals allow for it, but no run can be told "
+        f"The force scatters by {100 * scatter:.1f} % from run to run; intervals allow for it, but no run can be told "
         "right from wrong. Repeat runs, and check the load cell's mounting."
     )

@@ -72,11 +72,12 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
     if runs.loops and runs.records:
         for usable in list(runs.records):
             runs.set_aside(usable.run, f"no steady cycles ({usable.excitation.reason}), which the other runs have")
-    doubts += say_faults_of_fit(runs, fit) if fit is not None else []
+    of_fit, remarks = say_faults_of_fit(runs, fit) if fit is not None else ([], [])
+    doubts += of_fit
     doubts += say_faults_of_records(runs, records.fits)
     doubts += _undecided(dynamic) if dynamic is not None else []
     doubts += outcome.doubts
-    judgement = judge(runs, fit, records.fits, doubts, condemned)
+    judgement = judge(runs, fit, records.fits, doubts, remarks, condemned)
     labels = Labels.of(runs.held, fit)
     parameters = [
         *parameters_of(fit, records.fits, preloads, labels),
@@ -229,7 +230,7 @@ def _of_many(
     for first, last, number in spells([loop.run for loop in ordered], odd.runs):
         said = (
             f"{number} runs one after the other, {first} to {last}, contradict the others and are left out: something was "
-            "another for that while (clamping, load cell, temperature)."
+            "different meanwhile (clamping, load cell, temperature)."
         )
         runs.say("warning", None, said, "force")
         outcome.doubts.append(said)

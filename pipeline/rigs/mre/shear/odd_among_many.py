@@ -28,6 +28,7 @@ from pipeline.rigs.mre.model.many import conditions_of, standing_for
 _CHANCE, _GAIN_SIZE, _SHAPE_SIZE = 0.003, 0.01, 0.005
 # Runs that can be odd at most, of all and of one condition; conditions of fewer runs are not judged.
 _MOST_ODD, _MOST_OF_CONDITION, _REPEATS = 1 / 3, 0.5, 4
+_CHANCE_OF_CONDITION = 0.05
 _ROUNDS = 12
 _SPELL = 4  # odd runs one after the other are no chance
 _OF_MEDIAN = 0.37  # degrees of freedom of a scale from the median, as a share of its number
@@ -153,9 +154,22 @@ def _odd(model: HarmonicModel, fit: SeparableFit) -> np.ndarray:
 def _of_no_condition(
     odd: np.ndarray, conditions: Sequence[tuple[int, int, int]]
 ) -> tuple[np.ndarray, list[tuple[int, int, int]]]:
-    """Take conditions most of whose runs are odd out of them; return those conditions."""
+    """Take conditions out of which most runs are odd, and more than as many odd runs elsewhere let expect; return those."""
+    from scipy.special import bdtrc
+
     number, among = Counter(conditions), Counter(c for c, is_odd in zip(conditions, odd, strict=True) if is_odd)
-    doubted = [c for c in sorted(among) if number[c] >= _REPEATS and among[c] > _MOST_OF_CONDITION * number[c]]
+
+    def by_chance(c: tuple[int, int, int]) -> float:
+        elsewhere = (1 + int(odd.sum()) - among[c]) / (2 + odd.size - number[c])
+        return float(bdtrc(among[c] - 1, number[c], elsewhere))
+
+    doubted = [
+        c
+        for c in sorted(among)
+        if number[c] >= _REPEATS
+        and among[c] > _MOST_OF_CONDITION * number[c]
+        and by_chance(c) < _CHANCE_OF_CONDITION / len(number)
+    ]
     if len(doubted) == len(number):
         return odd, []
     return odd & np.array([c not in doubted for c in conditions]), doubted

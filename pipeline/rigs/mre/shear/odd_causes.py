@@ -57,7 +57,7 @@ def causes_of(loop: Loop, fit: DynamicFit) -> list[Cause]:
             missed(expected * np.exp(-1j * angular * late)),
         ),
         Cause(
-            f"its stiffness is {stiffer:+.3g} N/m off at the same loss (another preload)",
+            f"its stiffness is {stiffer / 1e3:+.3g} kN/m off at the same loss (another preload)",
             missed(expected + stiffer * X),
         ),
     ]

@@ -11,6 +11,7 @@ from pipeline.errors import counted
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Mark, Panel, Points, Rule, Table, Value
+from pipeline.rigs.mre.shear.trend import gains_over_runs
 from pipeline.rigs.over_runs import MANY, OverRuns, distribution_panel, odd_table, over_runs, trend_figure
 
 # Conditions are compared with themselves where half of them have so many repeats.
@@ -34,32 +35,36 @@ def is_many(findings: Findings) -> bool:
 def numbers_over_runs(findings: Findings) -> list[OverRuns]:
     """Return what is looked at over the order of the runs; empty where nothing is known of half of them."""
     table = findings.arrays["runs"]
+    known = table[table["gain"].notna()] if "gain" in table else table[:0]
+    first: list[OverRuns] = []
+    if len(known) > MANY and findings.verdict != "rejected":
+        order = [[None if pd.isna(value) else float(value) for value in known[name]] for name in ("sequence", "begins")]
+        first.append(gains_over_runs(list(known["run"]), known["gain"].to_list(), *order))
     chosen: list[tuple[str, np.ndarray, list[str] | None]] = []
-    if "gain" in table and findings.verdict != "rejected":
-        chosen.append(("force over that of the model", 1 + table["gain"].to_numpy(float), None))
     groups = [str(value) for value in table["condition"]]
     if table["condition"].value_counts().median() >= _REPEATS:
         chosen.append(("storage stiffness", table["stiffness_storage"].to_numpy(float), groups))
         chosen.append(("loss factor", table["loss_factor"].to_numpy(float), groups))
-    if "nrmse" in table and not chosen:
+    if "nrmse" in table and not first and not chosen:
         chosen.append(("misfit of the force", table["nrmse"].to_numpy(float), None))
-    known = [one for one in chosen if np.isfinite(one[1]).mean() > 0.5]
-    order = {name: _told(table, name) for name in ("sequence", "begins")}
+    told = [one for one in chosen if np.isfinite(one[1]).mean() > 0.5]
+    by = {name: _told(table, name) for name in ("sequence", "begins")}
     units = {"storage stiffness": "N/m"}
     # The interval of a stiffness holds the scatter between runs already, that of a loss factor noise alone.
     errors = {"loss factor": (table["loss_factor_high"] - table["loss_factor_low"]).to_numpy(float) / 3.92}
-    return [
+    # The verdict rests on the gain, which is judged by itself; the others share one chance of a false alarm.
+    return first + [
         over_runs(
             what,
             units.get(what, "1"),
             list(table["run"]),
             values,
             errors.get(what),
-            groups=by,
-            among=len(known),
-            **order,
+            groups=of,
+            among=len(told),
+            **by,
         )
-        for what, values, by in known
+        for what, values, of in told
     ]
 
 

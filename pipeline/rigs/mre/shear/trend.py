@@ -1,4 +1,8 @@
-"""Does the stiffness change with the order of the runs (heating, Mullins effect, relaxation; mre.md section 8)?"""
+"""Does the stiffness change with the order of the runs (heating, Mullins effect, relaxation; mre.md section 8)?
+
+Few runs are tested for a trend beside the model; of many the gain of each run is looked at over their order, and what is said of
+it is what the report draws.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +15,13 @@ from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions
 from pipeline.rigs.mre.shear.linearised import Linearised
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
-from pipeline.rigs.over_runs import MANY, over_runs
+from pipeline.rigs.over_runs import OverRuns, over_runs
 
 _FEWEST = 6
 # A trend is told that chance brings about in less than this share of campaigns, and only from this size on.
 _CHANCE, _LEAST = 1e-3, 2e-3
+_DRIFT = "Heating, Mullins effect or relaxation: bracket the campaign with repeated runs at 0 A."
+_STEP = "Something was different then: clamping, load cell, temperature."
 
 
 def say_trend(runs: SortedRuns, fit: DynamicFit) -> str:
@@ -41,25 +47,44 @@ def say_trend(runs: SortedRuns, fit: DynamicFit) -> str:
     return doubt
 
 
-def say_spells(runs: SortedRuns, fit: DynamicFit) -> list[str]:
-    """Say at which runs of many the force steps away from the model, for good or for a while; none of few runs."""
-    used = [usable for usable in runs.loops if usable.run in fit.gain_by_run]
-    if len(used) <= MANY or fit.rejected:
-        return []
-    found = over_runs(
+def gains_over_runs(
+    runs: Sequence[str],
+    gains: Sequence[float],
+    sequence: Sequence[float | None],
+    begins: Sequence[float | None],
+) -> OverRuns:
+    """Tell what the force of runs does against that of the model (1 + gain) over their order; what is not known of all is passed over."""
+    return over_runs(
         "force over that of the model",
         "1",
-        [usable.run for usable in used],
-        [1 + fit.gain_by_run[usable.run] for usable in used],
-        sequence=_if_all([usable.sequence for usable in used]),
-        begins=_if_all([usable.begins for usable in used]),
+        runs,
+        [1 + gain for gain in gains],
+        sequence=_if_all(sequence),
+        begins=_if_all(begins),
     )
+
+
+def gains_of_fit(runs: SortedRuns, fit: DynamicFit) -> OverRuns:
+    """Tell what the force of the runs of `fit` does against that of the model over their order."""
+    used = [usable for usable in runs.loops if usable.run in fit.gain_by_run]
+    return gains_over_runs(
+        [usable.run for usable in used],
+        [fit.gain_by_run[usable.run] for usable in used],
+        [usable.sequence for usable in used],
+        [usable.begins for usable in used],
+    )
+
+
+def say_changes(runs: SortedRuns, found: OverRuns) -> list[str]:
+    """Say how the force of many runs drifts, steps, or is off for a while."""
     doubts = []
     for change in found.course.changes:
-        if change.kind != "drift" and abs(change.size) > _LEAST:
-            doubt = f"{found.change_sentence(change)} Something was another then: clamping, load cell, temperature. Intervals allow for it."
-            runs.say("warning", found.runs[change.first], doubt, "force")
-            doubts.append(doubt)
+        cause = _DRIFT if change.kind == "drift" else _STEP
+        doubt = (
+            f"{found.change_sentence(change)} {cause} Parameters and their intervals hold for the mean of the campaign."
+        )
+        runs.say("warning", None if change.kind == "drift" else found.runs[change.first], doubt, "force")
+        doubts.append(doubt)
     return doubts
 
 

@@ -30,9 +30,14 @@ PREDICTION_REJECTED, PREDICTION_WARNED = 0.2, 0.05
 
 
 def judge(
-    runs: SortedRuns, fit: DynamicFit | None, times: list[TimeFit], doubts: list[str], condemned: bool
+    runs: SortedRuns,
+    fit: DynamicFit | None,
+    times: list[TimeFit],
+    doubts: list[str],
+    remarks: list[str],
+    condemned: bool,
 ) -> Judgement:
-    """Weigh what was found; `condemned` data are shown, and nothing else."""
+    """Weigh what was found; `remarks` are told and weigh nothing; `condemned` data are shown, and nothing else."""
     said = Judgement()
     if condemned:
         said.reject(
@@ -52,6 +57,7 @@ def judge(
         said.warn(doubt)
     if not said.reasons:
         said.reasons.append(_nothing_wrong(fit))
+    said.reasons += remarks
     return said
 
 
@@ -76,8 +82,11 @@ def _left_out(said: Judgement, runs: SortedRuns) -> None:
     ordered = sorted(alike.values(), key=len, reverse=True)
     for members in ordered[:_CAUSES_TOLD]:
         first, *others = members
-        also = f", and so {'is' if len(others) == 1 else 'are'} {listing(others, 6)}" if others else ""
-        said.warn(f"Run {first} is left out{also}: {runs.left_out[first]}.")
+        so = f"so {'is' if len(others) == 1 else 'are'} {listing(others, 6)}" if others else ""
+        if len({runs.left_out[run] for run in members}) == 1:
+            said.warn(f"Run {first} is left out{f', and {so}' if so else ''}: {runs.left_out[first]}.")
+        else:
+            said.warn(f"Run {first} is left out: {runs.left_out[first]}. And {so}, with other numbers.")
     rest = [run for members in ordered[_CAUSES_TOLD:] for run in members]
     if rest:
         said.warn(
