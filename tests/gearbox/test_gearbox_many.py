@@ -1,30 +1,36 @@
 """Many runs: what they share is told as for few, what changes over them and which are odd is named, and nothing grows with them."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pipeline.campaign.parallel import in_parallel
+from pipeline.estimation.course import Odd
 from pipeline.estimation.uncertainty import t_quantile
+from pipeline.findings import Parameter
 from pipeline.findings.figures import Figure, Table
 from pipeline.findings.storage import to_json
 from pipeline.recording import QualityFinding, Recording
 from pipeline.report.page import render_report
 from pipeline.rigs.experiment import Context
-from pipeline.rigs.gearbox.campaign_numbers import straight_course
+from pipeline.rigs.gearbox import cycle
+from pipeline.rigs.gearbox.campaign_numbers import _not_quite_steady, straight_course
 from pipeline.rigs.gearbox.declaration import LOAD_EXCHANGE, LoadExchangeSettings
 from pipeline.rigs.gearbox.identify import identify
-from pipeline.rigs.gearbox.load.friction_fit import mean_of_runs, shared_errors, slip_line
+from pipeline.rigs.gearbox.load.friction_fit import mean_of_runs, scatter_of_groups, shared_errors, slip_line
 from pipeline.rigs.gearbox.many import blocks
 from pipeline.rigs.gearbox.one_run import told_by
-from pipeline.rigs.gearbox.outcome.core_numbers import kind_of
-from pipeline.rigs.gearbox.outcome.verdict_many import by_kind
+from pipeline.rigs.gearbox.outcome.core_numbers import kind_of, missing
+from pipeline.rigs.gearbox.outcome.verdict_many import by_kind, over_campaign
 from pipeline.rigs.gearbox.record import record_of
 from pipeline.rigs.gearbox.run_numbers import numbers_of
 from pipeline.rigs.gearbox.synthetic import synthesize
-from pipeline.rigs.gearbox.torques.torque_map import Transfer, pooled
+from pipeline.rigs.gearbox.torques.torque_map import Transfer, pooled, total_least_squares
+from pipeline.rigs.gearbox.truth import gearbox_truth
 from pipeline.rigs.judgement import Judgement
+from pipeline.rigs.number_over_runs import over_runs
 
 RPM = 2 * np.pi / 60
 SPEEDS = (60, 90, 120, 150, 210)
@@ -194,3 +200,68 @@ def test_three_hundred_bad_runs_are_told_in_a_few_sentences():
 def test_sentences_that_differ_in_numbers_only_are_one_kind():
     assert kind_of("lasts 0.53 s, -1e-3 N m") == kind_of("lasts 12 s, +4.5 N m")
     assert kind_of("torque_in is dead") != kind_of("torque_out is dead")
+
+
+@pytest.mark.parametrize("rpm", SPEEDS)
+def test_any_number_of_runs_leaves_room_for_what_slowing_shafts_do_to_the_slope(rpm):
+    truth = gearbox_truth({})
+    motion = cycle.run_motion(truth, rpm * RPM, 1.0)
+    events = cycle.events(truth, motion)
+    rise = (motion.time > events["brake_onset"] - 0.5) & (motion.time < events["unlock"])
+    x, y = motion.torque_in[rise], motion.torque_out[rise]
+    found = total_least_squares(x - x.mean(), y - y.mean())
+    told = _not_quite_steady(Transfer("brake", found, 0.0, 0.5, 0.0, np.inf), [])
+    low, high = told.slope_ci95
+    assert low < truth.a < high
+    assert told.slope_error < 0.01 * found
+
+
+def test_few_runs_of_a_speed_that_lie_close_by_chance_are_known_to_the_scatter_of_all_speeds():
+    rng = np.random.default_rng(4)
+    own, gains = 1.0, 2.0
+    inside = 0
+    for _ in range(300):
+        groups = [(rng.normal(0.0, np.hypot(own, gains), 3), np.full(3, own)) for _ in range(8)]
+        values, errors = groups[0]
+        mean, error, dof = mean_of_runs(values, errors, np.full(3, 20.0), np.zeros(3), scatter_of_groups(groups))
+        inside += abs(mean) < t_quantile(dof) * error
+    assert inside >= 0.93 * 300
+
+
+def without_speed(run, speed):
+    reason = f"input speed assumed nominal: {speed} rad/s"
+    return Parameter(name="speed_in_sos", symbol="w", unit="rad/s", value=None, at={"run": run}, description=reason)
+
+
+def test_missing_numbers_of_many_runs_that_differ_by_their_speed_are_one_line():
+    lacking = [without_speed(f"r{k}", 6.0 + k % 3) for k in range(48)]
+    assert len(missing(lacking)) == 3
+    (told,) = missing(lacking, many=True)
+    assert told.startswith("Missing in 48 runs (r0, ")
+    assert "numbers differ" in told
+
+
+class Campaign:
+    """The part of a campaign of which `over_campaign` tells."""
+
+    def __init__(self, watched, exceptions, runs):
+        self.watched, self.exceptions, self.runs = watched, exceptions, runs
+
+
+def test_one_bad_day_is_told_one_way_and_its_number_once():
+    runs = [f"r{k:02d}" for k in range(60)]
+    noise = np.random.default_rng(2).standard_normal((2, 60))
+    bad = (np.arange(60) >= 30) & (np.arange(60) < 38)
+    day = over_runs("torque", "N*m", runs, 1.0 + 0.002 * noise[0] + 0.02 * bad)
+    (spell,) = day.course.changes
+    alone = over_runs("drag", "N*m", runs, 1.0 + 0.002 * noise[1])
+    odd = tuple(Odd(int(place), 0.05, 25.0, 30.0) for place in np.flatnonzero(bad))
+    alone = replace(alone, course=replace(alone.course, changes=(), odd=odd))
+    said = Judgement()
+    over_campaign(said, Campaign((day, alone), {runs[odd_one.place]: "torque" for odd_one in odd}, runs))
+    (told,) = [reason for reason in said.reasons if reason.startswith("From run")]
+    assert told.startswith(f"From run {runs[spell.first]} to run {runs[spell.last]}")
+    assert "drag by about +5.0 %" in told
+    (names,) = [reason for reason in said.reasons if "unlike the others" in reason]
+    assert names.count("torque") == 1
+    assert "r30, r31, r32" in names

@@ -6,7 +6,7 @@ Laws are fitted to one torque per run; how that torque follows from the levels o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -251,8 +251,32 @@ def independent(values: np.ndarray) -> float:
     return max(effective_size(values - np.polyval(np.polyfit(x, values, 1), x), 2), 2.0)
 
 
+def scatter_of_groups(groups: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, float]:
+    """Return how many times their own variance values scatter by within their groups, all groups together, and the dof.
+
+    Parameters
+    ----------
+    groups
+        Values and their own standard errors, shape (n,) each, n at least 2; without any the factor is 1.
+
+    Examples
+    --------
+    >>> scatter_of_groups([(np.array([1.0, 3.0]), np.array([1.0, 1.0])), (np.array([8.0, 6.0]), np.array([1.0, 1.0]))])
+    (2.0, 2.0)
+    """
+    dof = float(sum(values.size - 1 for values, _ in groups))
+    if dof == 0.0:
+        return 1.0, math.inf
+    squares = sum(float(np.sum((values - values.mean()) ** 2) / np.mean(own**2)) for values, own in groups)
+    return squares / dof, dof
+
+
 def mean_of_runs(
-    values: np.ndarray, errors: np.ndarray, dofs: np.ndarray, common: np.ndarray
+    values: np.ndarray,
+    errors: np.ndarray,
+    dofs: np.ndarray,
+    common: np.ndarray,
+    elsewhere: tuple[float, float] = (1.0, math.inf),
 ) -> tuple[float, float, float]:
     """Return the mean of a quantity over runs of one speed, its own standard error and that one's degrees of freedom.
 
@@ -265,6 +289,9 @@ def mean_of_runs(
         Of each run alone, in the order of the runs, shape (n,).
     common
         Standard error that all runs share, by run, shape (n,).
+    elsewhere
+        How many times their own variance runs of all speeds scatter by, and its degrees of freedom: few runs of one speed
+        may lie close to each other by chance.
     """
     n = values.size
     own = errors**2 - common**2
@@ -272,9 +299,10 @@ def mean_of_runs(
     count = independent(values)
     scatter = float(values.var(ddof=1)) / count if n > 1 else 0.0
     birge = max(scatter / noise, 1.0) if noise > 0 else 1.0
+    birge, freedom = max((birge, max(count - 1.0, 1.0)), elsewhere)
     shares = np.maximum(own, 0.0) / n**2 / noise if noise > 0 else np.full(n, 1.0 / n)
-    spread = float(np.sum(shares**2 / dofs)) + (birge - 1.0) ** 2 / max(count - 1.0, 1.0)
-    return float(values.mean()), math.sqrt(max(noise, scatter)), birge**2 / spread if spread > 0 else math.inf
+    spread = float(np.sum(shares**2 / dofs)) + (birge - 1.0) ** 2 / freedom
+    return float(values.mean()), math.sqrt(max(birge * noise, scatter)), birge**2 / spread if spread > 0 else math.inf
 
 
 def _law(law: str, values: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

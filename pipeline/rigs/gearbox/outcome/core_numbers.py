@@ -30,13 +30,15 @@ _FEW = 8
 OF_CAMPAIGN = ("inertia_load", "drag_coulomb", "torque_transfer_slope")
 
 
-def missing(parameters: Sequence[Parameter]) -> list[str]:
+def missing(parameters: Sequence[Parameter], many: bool = False) -> list[str]:
     """Return a sentence for each reason for which core numbers lack a value or an interval.
 
     Parameters
     ----------
     parameters
         Of the findings.
+    many
+        Reasons that differ in their numbers only are one, however few they are.
 
     Notes
     -----
@@ -62,21 +64,21 @@ def missing(parameters: Sequence[Parameter]) -> list[str]:
             runs.append(str(run))
     return [
         f"Missing {'in ' + _some(runs) if runs else 'in the campaign'}: {listing(names, 16)} ({reason})."
-        for reason, (names, runs) in _alike(without).items()
+        for reason, (names, runs) in (_alike(without) if many or len(without) > _FEW else without).items()
     ]
 
 
 def _alike(without: Mapping[str, _Without]) -> Mapping[str, _Without]:
-    """Put reasons together that differ in their numbers only, where there are many; the first one's words stand for all."""
-    if len(without) <= _FEW:
-        return without
-    first: dict[str, str] = {}
+    """Put reasons together that differ in their numbers only; the first one's words stand for all, and say so."""
+    kinds: dict[str, list[str]] = {}
+    for reason in without:
+        kinds.setdefault(kind_of(reason), []).append(reason)
     found: dict[str, _Without] = {}
-    for reason, (names, runs) in without.items():
-        told = first.setdefault(kind_of(reason), reason)
-        all_names, all_runs = found.setdefault(told, ([], []))
-        all_names += [name for name in names if name not in all_names]
-        all_runs += [run for run in runs if run not in all_runs]
+    for reasons in kinds.values():
+        told = f"{reasons[0]}; so in the first, numbers differ" if len(reasons) > 1 else reasons[0]
+        names = [name for reason in reasons for name in without[reason][0]]
+        runs = [run for reason in reasons for run in without[reason][1]]
+        found[told] = (list(dict.fromkeys(names)), list(dict.fromkeys(runs)))
     return found
 
 

@@ -44,17 +44,20 @@ def judge(
 ) -> Judgement:
     """Weigh what was found."""
     said = Judgement()
+    grave = [q for q in quality if q.level != "note" and q.run not in left_out]
+    many = bool(campaign.watched)
+    if many:
+        # What changed and which runs are odd is what a reader of many runs looks for first.
+        over_campaign(said, campaign)
+        by_kind(said, left_out, grave)
     _sequence(said, campaign)
     _locked(said, campaign, vibration)
     _sensors(said, campaign, settings)
     _input_speed(said, campaign)
     _inertia(said, campaign)
-    for sentence in missing(parameters):
+    for sentence in missing(parameters, many):
         said.warn(sentence)
-    grave = [q for q in quality if q.level != "note" and q.run not in left_out]
-    if campaign.watched:
-        over_campaign(said, campaign)
-        by_kind(said, left_out, grave)
+    if many:
         return said
     for run, reason in list(left_out.items())[:_TOLD]:
         said.warn(f"Run {run} is left out: {ended(reason)}")

@@ -19,6 +19,8 @@ _KINDS, _NAMES, _STEPS = 5, 6, 4
 _SLIGHT = 0.005
 # Steps and spells of several numbers within so many runs are one event.
 _ONE_EVENT = 3
+# A number in which such a share of a spell's runs is odd, each by itself, shows that spell too.
+_MOST_OF_SPELL = 2.0 / 3.0
 
 
 def over_campaign(said: Judgement, campaign: CampaignNumbers) -> None:
@@ -36,7 +38,10 @@ def over_campaign(said: Judgement, campaign: CampaignNumbers) -> None:
         )
     _steps(said, campaign.watched)
     if campaign.exceptions:
-        names = listing([f"{run} ({what})" for run, what in campaign.exceptions.items()], _NAMES)
+        by_number: dict[str, list[str]] = {}
+        for run, what in campaign.exceptions.items():
+            by_number.setdefault(what, []).append(run)
+        names = "; ".join(f"in {what} {listing(runs, _NAMES)}" for what, runs in by_number.items())
         verb = "is" if len(campaign.exceptions) == 1 else "are"
         said.warn(
             f"{counted(len(campaign.exceptions), 'run')} of {len(campaign.runs)} {verb} unlike the others, and what the runs share leaves them "
@@ -81,11 +86,25 @@ def _steps(said: Judgement, watched: Sequence[OverRuns]) -> None:
             which = (
                 f"From run {number.runs[change.first]} to run {number.runs[change.last]} the runs are off the others"
             )
+            told = listing([*(_change(*one) for one in event), *_odd_there(watched, event)], 9)
         else:
             which = f"With run {number.runs[change.first]} the runs step"
         said.warn(f"{which}: {told}. Look what was changed before it.")
     if len(events) > _STEPS:
         said.warn(f"{counted(len(events) - _STEPS, 'more change')} over the campaign stand among the quality findings.")
+
+
+def _odd_there(watched: Sequence[OverRuns], event: Sequence[tuple[OverRuns, Change]]) -> list[str]:
+    """Return the numbers that tell the runs of a spell as odd ones, one by one, and about how far they are off."""
+    first, last = event[0][1].first, event[0][1].last
+    found = []
+    for number in watched:
+        odd = [one for one in number.course.odd if first <= one.place <= last]
+        if any(number is own for own, _ in event) or len(odd) < _MOST_OF_SPELL * (last - first + 1):
+            continue
+        middle = sorted(odd, key=lambda one: one.off)[len(odd) // 2]
+        found.append(f"{number.what} by about {number.off_text(middle)}")
+    return found
 
 
 def _near(first: int, second: int) -> bool:
