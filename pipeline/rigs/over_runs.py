@@ -223,7 +223,8 @@ def odd_table(numbers: Sequence[OverRuns], name: str = "odd-runs", title: str = 
                       None if one.own_errors is None else round(one.own_errors, 1)])  # fmt: skip
     columns = [Column("Run"), Column("Number"), Column("Value", shared), Column("Off by"), Column("Deviations of the runs", "1"),
                Column("Own errors", "1")]  # fmt: skip
-    return Table(name, title, caption, columns, lines)
+    kept = len(columns) - (0 if any(line[-1] is not None for line in lines) else 1)
+    return Table(name, title, caption, columns[:kept], [line[:kept] for line in lines])
 
 
 def representative(runs: Sequence[str], misfit: Sequence[float | None] | np.ndarray) -> Mapping[str, str]:

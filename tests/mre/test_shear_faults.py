@@ -329,7 +329,7 @@ def test_lone_wild_samples_are_left_out_and_counted(campaign: list[Recording]) -
 
 def test_a_transient_at_the_start_does_not_enter(campaign: list[Recording]) -> None:
     findings = identify(in_all(campaign, "force", lambda t, F: F * (1 + 0.06 * np.exp(-12 * t))))
-    assert said(findings, "cycles is not settled", run=ODD)
+    assert said(findings, "is not settled", run=ODD)
     assert_numbers_hold(findings)
 
 

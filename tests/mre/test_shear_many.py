@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -21,11 +22,13 @@ from pipeline.rigs.mre.model.fit_errors import Errors
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions, identify_loops, refit
 from pipeline.rigs.mre.model.leave_one_out import leave_one_out
 from pipeline.rigs.mre.model.many import in_a_row, standing_for, widened
+from pipeline.rigs.mre.shear.cycles import Wander
 from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
 from pipeline.rigs.mre.shear.odd_among_many import odd_among
 from pipeline.rigs.mre.shear.sections_many import numbers_over_runs
-from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
+from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
 from pipeline.rigs.mre.shear.trend import gains_over_runs, say_changes
+from pipeline.rigs.mre.shear.unsteady import say_unsteady
 from tests.mre.faulty_logs import assert_numbers_hold, left_out
 from tests.mre.loops_of_truth import noisy
 
@@ -159,6 +162,18 @@ def test_what_is_said_at_the_top_is_what_the_figure_tells(kind: str, findings: F
     assert change.size == pytest.approx(0.02, abs=0.005)
     assert drawn.change_sentence(change) in said
     assert [note.message for note in runs.quality] == [said]
+
+
+def test_of_a_thousand_runs_of_few_cycles_chance_makes_none_soften() -> None:
+    """With three degrees of freedom one run in a hundred is beyond five standard errors, and is not told; one far beyond is."""
+    rng = np.random.default_rng(0)
+    change = 3e-4 * rng.standard_t(3, 1000)
+    assert np.abs(change).max() > 5 * 3e-4
+    for largest in (0.0, 0.2):
+        change[0] = largest
+        wanders = [Wander(0.0, 0.0, 0.0, size, 0.0, 3e-4, 3, 2.0) for size in change.tolist()]
+        loops = [SimpleNamespace(run=f"r{i}", wander=wander, loop=None) for i, wander in enumerate(wanders)]
+        assert len(say_unsteady(SortedRuns(loops=cast("list[UsableRun]", loops)))) == (largest > 0)
 
 
 def test_a_bad_day_is_told_as_one() -> None:

@@ -27,9 +27,9 @@ class Wander:
         By how much the mean force drifts slowly (as the fit takes out), N.
     rest, jump_at
         What of the mean force's course is no slow drift, N, and when it is largest, s.
-    force_change, motion_change, change_sd
+    force_change, motion_change, change_sd, change_dof
         Relative change of the force's and of the displacement's amplitude from the first to the last
-        cycle, by a straight line, and the standard error of the former.
+        cycle, by a straight line; the standard error of their difference, and its degrees of freedom.
     duration
         Of the run, s.
     """
@@ -40,6 +40,7 @@ class Wander:
     force_change: float
     motion_change: float
     change_sd: float
+    change_dof: int
     duration: float
 
     @property
@@ -96,5 +97,6 @@ def wander_of(series: Series, loop: Loop) -> Wander | None:
         force_change=changes[0][0],
         motion_change=changes[1][0],
         change_sd=float(np.hypot(changes[0][1], changes[1][1])),
+        change_dof=at.size - 2,
         duration=loop.duration,
     )

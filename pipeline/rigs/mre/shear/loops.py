@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.errors import counted
 from pipeline.rigs.mre.model.loop import Loop, curve, drift_degree, fit_loop
 from pipeline.rigs.mre.shear.backward_loops import runs_backward
 from pipeline.rigs.mre.shear.cycles import wander_of
@@ -44,7 +45,9 @@ def add_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
     late = _settled(series, frequency)
     if late > 0:
         series = series.between(series.time[0] + late / frequency, series.time[-1])
-        runs.say("note", run, f"the force of the first {late} cycles is not settled; they do not enter.", "force")
+        runs.say(
+            "note", run, f"the force of the first {counted(late, 'cycle')} is not settled; they do not enter.", "force"
+        )
     loop = fit_loop(
         run,
         series.time,

@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pipeline.errors import listing
+from pipeline.estimation.uncertainty import t_quantile
 from pipeline.rigs.mre.model.loop import half_range
 from pipeline.rigs.mre.model.time_fit import TimeFit
 from pipeline.rigs.mre.shear.cycles import Wander
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
+from pipeline.rigs.over_runs import MANY
 
 LAG_SAID = 50e-6  # s
 # Shares of the force amplitude: a drift that is told, one that is doubted though the fit takes it out, and the
@@ -19,8 +21,8 @@ _DRIFT_SAID, _DRIFT_DOUBTED, _REST_SAID = 0.05, 0.2, 0.015
 _ZERO_SAID = 0.1
 # A record that a fit misses by more than this share shows no faults but that of the model.
 _HELD = 0.2
-# Of the stiffness from the first to the last cycle, and in standard errors.
-_SOFTENING_SAID, _SOFTENING_SURE = 1e-3, 5.0
+# Of the stiffness from the first to the last cycle, in standard errors, and by chance in a campaign of many runs.
+_SOFTENING_SAID, _SOFTENING_SURE, _SOFTENING_CHANCE = 1e-3, 5.0, 0.02
 
 
 def say_unsteady(runs: SortedRuns) -> list[str]:
@@ -92,7 +94,7 @@ def _softening(runs: SortedRuns) -> list[str]:
     found = {}
     for usable in runs.loops:
         wander = usable.wander
-        least = max(_SOFTENING_SAID, _SOFTENING_SURE * wander.change_sd) if wander is not None else 0.0
+        least = max(_SOFTENING_SAID, _sure(wander, len(runs.loops)) * wander.change_sd) if wander is not None else 0.0
         if wander is not None and abs(wander.softening) > least:
             found[usable.run] = wander
     if not found:
@@ -106,6 +108,13 @@ def _softening(runs: SortedRuns) -> list[str]:
     )
     runs.say("warning", worst, doubt, "force")
     return [doubt]
+
+
+def _sure(wander: Wander, runs: int) -> float:
+    """Return the standard errors from which on a change is told: of many runs, some of few cycles, chance brings large ones."""
+    if runs <= MANY:
+        return _SOFTENING_SURE
+    return max(_SOFTENING_SURE, t_quantile(wander.change_dof, 1 - _SOFTENING_CHANCE / 2 / runs))
 
 
 def say_faults_of_records(
