@@ -237,7 +237,7 @@ def test_missing_numbers_of_many_runs_that_differ_by_their_speed_are_one_line():
     lacking = [without_speed(f"r{k}", 6.0 + k % 3) for k in range(48)]
     assert len(missing(lacking)) == 3
     (told,) = missing(lacking, many=True)
-    assert told.startswith("Missing in 48 runs (r0, ")
+    assert told.startswith("Missing in 48 runs (r0, r1, r2, ")
     assert "numbers differ" in told
 
 

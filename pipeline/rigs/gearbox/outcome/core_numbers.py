@@ -62,13 +62,14 @@ def missing(parameters: Sequence[Parameter], many: bool = False) -> list[str]:
             names.append(name)
         if run and str(run) not in runs:
             runs.append(str(run))
+    order = {str(one.at["run"]): place for place, one in reversed(list(enumerate(parameters))) if "run" in one.at}
     return [
         f"Missing {'in ' + _some(runs) if runs else 'in the campaign'}: {listing(names, 16)} ({reason})."
-        for reason, (names, runs) in (_alike(without) if many or len(without) > _FEW else without).items()
+        for reason, (names, runs) in (_alike(without, order) if many or len(without) > _FEW else without).items()
     ]
 
 
-def _alike(without: Mapping[str, _Without]) -> Mapping[str, _Without]:
+def _alike(without: Mapping[str, _Without], order: Mapping[str, int]) -> Mapping[str, _Without]:
     """Put reasons together that differ in their numbers only; the first one's words stand for all, and say so."""
     kinds: dict[str, list[str]] = {}
     for reason in without:
@@ -77,7 +78,7 @@ def _alike(without: Mapping[str, _Without]) -> Mapping[str, _Without]:
     for reasons in kinds.values():
         told = f"{reasons[0]}; so in the first, numbers differ" if len(reasons) > 1 else reasons[0]
         names = [name for reason in reasons for name in without[reason][0]]
-        runs = [run for reason in reasons for run in without[reason][1]]
+        runs = sorted((run for reason in reasons for run in without[reason][1]), key=order.__getitem__)
         found[told] = (list(dict.fromkeys(names)), list(dict.fromkeys(runs)))
     return found
 
