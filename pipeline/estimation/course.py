@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.estimation.course_changes import Candidate, needed, next_change
+from pipeline.estimation.course_changes import Candidate, disentangled, needed, next_change
 from pipeline.estimation.robust_fit import RobustFit
 from pipeline.estimation.uncertainty import t_quantile
 
@@ -176,7 +176,7 @@ def course(
         found = next_change(fit, order, terms, refit, limit_of_change, seed)
         if found is None:
             break
-        terms, fit = [*terms, found[0]], found[1]
+        terms, fit = disentangled([*terms, found[0]], found[1], refit)
         kept = needed(fit, terms, limit_of_change)
         if len(kept) < len(terms):
             terms, fit = kept, refit(kept)

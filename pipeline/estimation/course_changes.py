@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -78,6 +79,38 @@ def needed(fit: RobustFit, terms: Sequence[Candidate], limit: float) -> list[Can
     """Return those changes of a fit that are still needed beside the others: a drift is not where a step explains it."""
     chances = [_chance_of_t(*_t(fit, len(terms), place - len(terms))) for place in range(len(terms))]
     return [term for term, chance in zip(terms, chances, strict=True) if chance <= limit]
+
+
+def disentangled(
+    terms: Sequence[Candidate], fit: RobustFit, refit: Callable[[Sequence[Candidate]], RobustFit]
+) -> tuple[list[Candidate], RobustFit]:
+    """Return changes and their fit with windows that overlap told by their parts where that takes no more of them.
+
+    Two that are found one after the other may cancel where they overlap, and neither says then what the runs did.
+    """
+    n = fit.left.size
+    best = _price(fit, terms, fit), list(terms), fit
+    for one, other in combinations([term for term in terms if term.window], 2):
+        (a, b), (c, d) = one.window or (0, 0), other.window or (0, 0)
+        if max(a, c) >= min(b, d):
+            continue
+        others = [term for term in terms if term is not one and term is not other]
+        parts = [pair for pair in combinations(sorted({a, b, c, d}), 2) if pair[1] - pair[0] >= _FEWEST_OF_ONE_LEVEL]
+        for instead in (*((part,) for part in parts), *combinations(parts, 2)):
+            if len(instead) == 2 and instead[0][1] > instead[1][0]:
+                continue
+            chosen = [*others, *(Candidate(_column(w, n), w, max(one.chance, other.chance)) for w in instead)]
+            trial = refit(chosen)
+            if (price := _price(trial, chosen, fit)) < best[0]:
+                best = price, chosen, trial
+    return best[1], best[2]
+
+
+def _price(trial: RobustFit, terms: Sequence[Candidate], fit: RobustFit) -> float:
+    """Return the misfit of a trial in the deviations of `fit`, each number and each end of a window priced as BIC does."""
+    ends = {end for term in terms if term.window for end in term.window}
+    misfit = 2 * float(huber(trial.left * trial.sd / fit.sd).sum())
+    return misfit + (len(terms) + len(ends)) * math.log(fit.left.size)
 
 
 def _t(fit: RobustFit, changes: int, place: int) -> tuple[float, float]:

@@ -172,3 +172,18 @@ def test_the_same_input_gives_the_same_result() -> None:
 def test_no_value_at_all_is_refused() -> None:
     with pytest.raises(ValueError, match="none of the runs"):
         course([None, np.nan])
+
+
+def test_two_spells_side_by_side_are_not_told_as_two_that_cancel() -> None:
+    rng = np.random.default_rng(5)
+    place = np.arange(994)
+    weather, bad_day = (place >= 500) & (place < 668), (place >= 668) & (place < 695)
+    numbers = 1 - 0.09 * place / 994 - 0.01 * weather - 0.097 * bad_day + rng.normal(0, 0.009, place.size)
+    found = course(numbers)
+    assert [change.kind for change in found.changes].count("drift") == 1
+    (first, second) = sorted((c for c in found.changes if c.kind == "spell"), key=lambda change: change.first)
+    assert first.last < second.first
+    assert abs(second.first - 668) <= 2
+    assert abs(second.last - 694) <= 2
+    assert second.size == pytest.approx(-0.097, abs=0.01)
+    assert first.size == pytest.approx(-0.01, abs=0.005)
