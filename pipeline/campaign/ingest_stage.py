@@ -33,8 +33,8 @@ Progress = Callable[[str], None]
 
 # A rig's check may hold all numbers of a recording; of more than so many (a quarter of a gigabyte) that is left to identification.
 _MOST_CHECKED = 1 << 25
-# What one core reads of a log of text, about.
-BYTES_A_SECOND = 32 << 20
+# What one core reads of a log of text, about, and what a log costs before that.
+BYTES_A_SECOND, SECONDS_A_LOG = 32 << 20, 0.015
 
 
 def ingest(
@@ -95,7 +95,8 @@ def ingest(
             tasks[entry.run] = task
             for name in spoilt:  # what stands there now may claim to be another run's
                 (folder / name).unlink(missing_ok=True)
-    seconds = sum(path.stat().st_size for task in tasks.values() for _, path in task.files) / BYTES_A_SECOND
+    files = [path for task in tasks.values() for _, path in task.files]
+    seconds = sum(SECONDS_A_LOG + path.stat().st_size / BYTES_A_SECOND for path in files)
     work = [(task, folder.resolve()) for task in tasks.values()]
     for run, outcome in in_parallel(_read_one, work, seconds, _died):
         if isinstance(outcome, str):
