@@ -50,8 +50,8 @@ def test_a_frozen_counter_is_named_with_its_times_and_never_a_stop_or_stall(star
         assert problem.span[1] == pytest.approx(start + duration, abs=0.03)
 
 
-@pytest.mark.parametrize("decoding", [1, 4])
-@pytest.mark.parametrize("rpm", [60.0, 210.0])
+@pytest.mark.parametrize("decoding", [1, pytest.param(4, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("rpm", [60.0, pytest.param(210.0, marks=pytest.mark.thorough)])
 def test_coarse_and_fast_counters_that_freeze_leave_the_sequence(rpm, decoding):
     rng = np.random.default_rng(int(rpm) + decoding)
     for rate in (62.5, 125.0, 1000.0):

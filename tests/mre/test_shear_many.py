@@ -117,6 +117,7 @@ def test_few_sentences_tell_why_many_runs_are_left_out() -> None:
     assert_numbers_hold(found)
 
 
+@pytest.mark.thorough
 def test_odd_runs_of_one_condition_together_are_no_odd_runs() -> None:
     """Where all repeats at one condition differ from the model, the runs are not what is wrong."""
     loops = many_loops(5)
@@ -176,6 +177,7 @@ def test_of_a_thousand_runs_of_few_cycles_chance_makes_none_soften() -> None:
         assert len(say_unsteady(SortedRuns(loops=cast("list[UsableRun]", loops)))) == (largest > 0)
 
 
+@pytest.mark.thorough
 def test_a_bad_day_is_told_as_one() -> None:
     bad_day = replace(CAMPAIGN, runs=100, bad=0.0, bad_day=True)
     found = identified(list(recordings(bad_day)))
