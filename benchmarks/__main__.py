@@ -19,10 +19,10 @@ NAMES = {
     "mcap_ingest": "Reading logs",
     "tdms_ingest": "Reading logs",
     "bag_ingest": "Reading logs",
-    "memory": "Memory",
     "many_logs": "Many logs",
     "shear_fit": "Identification",
     "tpjb_dynamic": "Identification",
+    "memory": "Memory",
     "tpjb_bias": "Identification",
     "tpjb_rotating": "Identification",
     "tire_ring": "Identification",
@@ -61,9 +61,13 @@ def main() -> None:
 def cells(row: dict[str, Any]) -> list[str]:
     """Return a row of the table as text."""
     unit = row.get("unit", "s")
-    numbers = [f"{row[key]:.3g} {unit}" if row[key] is not None else "" for key in ("ours", "theirs")]
+    numbers = [f"{_three_digits(row[key])} {unit}" if row[key] is not None else "" for key in ("ours", "theirs")]
     ratio = f"{row['theirs'] / row['ours']:.3g}" if row["theirs"] is not None else ""
     return [row["what"], row["against"], *numbers, ratio, row["goal"]]
+
+
+def _three_digits(number: float) -> str:
+    return f"{number:.0f}" if abs(number) >= 1000 else f"{number:.3g}"
 
 
 def machine() -> str:

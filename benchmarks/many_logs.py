@@ -109,17 +109,17 @@ def one_more(logs: int, megabytes: float) -> list[dict[str, Any]]:
     size = logs * megabytes / 1e3
     return [
         {
-            "what": f"dvc repro after one log {change} ({logs} logs, {size:.3g} GB)",
+            "what": f"dvc repro {change} ({logs} logs, {size:.3g} GB)",
             "against": "dvc repro that reads all",
             "ours": seconds,
             "theirs": whole,
             "goal": goal,
         }
         for change, seconds, goal in (
-            ("is added", added, f"less than 3 % (is {100 * added / whole:.1f} %)"),
-            ("is replaced", replaced, ""),
-            ("is removed", removed, ""),
-            ("... nothing at all", nothing, ""),
+            ("after one log is added", added, f"less than 3 % (is {100 * added / whole:.1f} %)"),
+            ("after one log is replaced", replaced, ""),
+            ("after one log is removed", removed, ""),
+            ("with nothing new", nothing, ""),
         )
     ]
 

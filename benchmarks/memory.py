@@ -198,7 +198,7 @@ def _peak_of(work: str, path: Path) -> float:
     return float(done.stdout.splitlines()[-1])
 
 
-def _own_peak() -> float:
+def own_peak() -> float:
     """Return the peak memory of this process, MB; getrusage would tell that of the process that started it as well."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
@@ -212,7 +212,7 @@ if __name__ == "__main__":
     arguments = parser.parse_args()
     if arguments.only:
         _WORKS[arguments.only](arguments.path)
-        print(_own_peak())
+        print(own_peak())
     else:
         for row in measure(arguments.gigabytes):
             print(row)

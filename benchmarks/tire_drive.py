@@ -28,8 +28,9 @@ _KMH = 1.0 / 3.6
 _SPEEDS = [[0.0, 30.0], [40.0, 30.0], [48.0, 70.0], [120.0, 70.0], [130.0, 50.0], [200.0, 50.0], [206.0, 15.0],
            [240.0, 15.0], [246.0, 30.0]]  # fmt: skip
 _ALONE = """
-import json, resource, sys, time
+import json, sys, time
 from pathlib import Path
+from benchmarks.memory import own_peak
 from benchmarks.tire_drive import bench_of_truth
 from pipeline.recording.storage import read
 from pipeline.rigs.experiment import Context
@@ -39,12 +40,11 @@ def known():
     return read(sorted(Path(sys.argv[1]).glob("drive.*.parquet")), lazily=True)
 if len(sys.argv) > 2:
     ROAD.identify([known()], ROAD.settings(), Context("compiled", {"b": bench}))
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 begin = time.perf_counter()
 found = ROAD.identify([known()], ROAD.settings(), Context("drive", {"b": bench}))
 took = time.perf_counter() - begin
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-print(json.dumps({"seconds": took, "before": before, "peak": peak, "revolutions": len(found.arrays["revolutions"])}))
+peak = own_peak()
+print(json.dumps({"seconds": took, "peak": peak, "revolutions": len(found.arrays["revolutions"])}))
 """
 
 
@@ -101,7 +101,7 @@ def alone(folder: Path, compiled: bool) -> dict[str, float]:
     root = Path(__file__).parents[1]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
     told = json.loads(done.stdout.splitlines()[-1])
-    return {"seconds": told["seconds"], "peak": told["peak"] / 1024.0, "revolutions": told["revolutions"]}
+    return {"seconds": told["seconds"], "peak": told["peak"], "revolutions": told["revolutions"]}
 
 
 def measure(lengths: tuple[float, ...] = LENGTHS) -> list[dict[str, Any]]:
