@@ -189,7 +189,9 @@ def _alike(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
 def _together(rows: Sequence[tuple[str, ...]]) -> Sequence[tuple[str, ...]]:
     if len(rows) < _FEW:
         return rows
-    return [(f"{rows[0][0]} to {_NUMBERED.search(rows[-1][0])[0]}", *rows[0][1:])]  # type: ignore[index]
+    last = _NUMBERED.search(rows[-1][0])
+    assert last is not None  # only numbered channels are put together
+    return [(f"{rows[0][0]} to {last[0]}", *rows[0][1:])]
 
 
 def _unnumbered(row: tuple[str, ...]) -> tuple[str, ...]:

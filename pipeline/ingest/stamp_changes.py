@@ -134,7 +134,7 @@ class Other:
 
     def joined(self, later: Other) -> Other:
         """Two of them are never of one log."""
-        raise NotImplementedError(later.finding.message)
+        raise AssertionError(f"two changes of one whole log: {self.finding.message} {later.finding.message}")
 
     def told(self, where: str) -> QualityFinding:
         """Say it."""

@@ -237,9 +237,11 @@ def friction_panel(
             Band(x, curve["low"].to_numpy(), curve["high"].to_numpy(), "model", "95 %"),
             Line(x, curve["y"].to_numpy(), "model", str(curve["law"].iloc[0])),
         ]
-    for part, role, label in ((points[~odd], "measured", "runs"), (points[odd], "fault", "unlike the others")):
-        if len(part):
-            marks.append(Points(part["x"].to_numpy(), part["value"].to_numpy(), role, label))  # type: ignore[arg-type]
+    usual, unlike = points[~odd], points[odd]
+    if len(usual):
+        marks.append(Points(usual["x"].to_numpy(), usual["value"].to_numpy(), "measured", "runs"))
+    if len(unlike):
+        marks.append(Points(unlike["x"].to_numpy(), unlike["value"].to_numpy(), "fault", "unlike the others"))
     return Panel(marks, axis, Axis("torque", "N*m"), title)
 
 
