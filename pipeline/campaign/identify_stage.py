@@ -21,6 +21,7 @@ from pipeline.findings.storage import write
 from pipeline.findings.together import together
 from pipeline.recording import QualityFinding, Recording
 from pipeline.recording.storage import whole_or_not
+from pipeline.rigs.calibration import identify_calibrated
 from pipeline.rigs.experiment import Context
 
 LIBRARIES = ("numpy", "scipy", "numba", "lmfit", "pandas", "pyarrow")
@@ -50,7 +51,8 @@ def identify(
     """
     recordings = ingested.recordings()
     told = [_told(recording) for recording in recordings]
-    found = recipe.experiment.identify(recordings, recipe.settings, Context(campaign, uses, progress, in_parallel))
+    context = Context(campaign, uses, progress, in_parallel)
+    found = identify_calibrated(recipe.experiment, recordings, recipe.settings, context, recipe.calibration)
     noticed = [*ingested.quality, *(finding for entry in told for finding in entry.quality)]
     quality = _merged([*(_quality(finding) for finding in noticed), *found.quality])
     runs = _runs(told, found, ingested)

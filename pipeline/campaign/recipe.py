@@ -23,6 +23,7 @@ from pipeline.errors import InputError, listing, nearest
 from pipeline.ingest.mapping import ChannelMap
 from pipeline.recording import Condition
 from pipeline.recording.units import conversion, quantity
+from pipeline.rigs.calibration import Calibration
 from pipeline.rigs.experiment import Experiment, Settings
 from pipeline.rigs.registry import experiment as find_experiment
 
@@ -62,6 +63,8 @@ class ChannelEntry(_Entry):
     table: str | None = None
     rate: Scalar = None
     stamp: Literal["first", "last"] | None = None
+    gain_u: Scalar = None
+    offset_u: Scalar = None
 
     @field_validator("scale")
     @classmethod
@@ -120,6 +123,7 @@ class Recipe:
     title: str
     description: str
     channels: Mapping[str, ChannelMap]
+    calibration: Mapping[str, Calibration]
     conditions: Mapping[str, Condition]
     file_name: str | None
     exclude: Mapping[str, str]
@@ -178,6 +182,11 @@ def _checked(written: RecipeFile, content: Any, path: str, experiment: Experimen
     channels = {
         name: _channel_map(name, entry, experiment, where("channels", name)) for name, entry in written.channels.items()
     }
+    calibration = {
+        name: _calibration(name, entry, experiment, where("channels", name))
+        for name, entry in written.channels.items()
+        if entry.gain_u is not None or entry.offset_u is not None
+    }
     conditions: dict[str, Condition] = {}
     for name, value in written.conditions.items():
         spec = experiment.condition(name)
@@ -195,6 +204,7 @@ def _checked(written: RecipeFile, content: Any, path: str, experiment: Experimen
         title=written.title or experiment.title,
         description=written.description,
         channels=channels,
+        calibration=calibration,
         conditions=conditions,
         file_name=written.file_name,
         exclude=written.exclude,
@@ -238,3 +248,38 @@ def _channel_map(name: str, entry: ChannelEntry, experiment: Experiment, where: 
         rate=rate,
         stamp=entry.stamp,
     )
+
+
+def _calibration(name: str, entry: ChannelEntry, experiment: Experiment, where: str) -> Calibration:
+    """Return the standard uncertainties of a channel's gain and offset, SI."""
+    spec = experiment.channel(name)
+    if spec is None or not spec.unit:
+        raise InputError(
+            f"{where}, channel '{name}': 'gain_u' and 'offset_u' are for channels that are measured and carry a unit; "
+            f"'{name}' does not. Leave them out."
+        )
+    gain = 0.0 if entry.gain_u is None else quantity(entry.gain_u, "1", f"{where}, gain_u")
+    if isinstance(entry.gain_u, bool) or not 0 <= gain < 0.5:
+        raise InputError(
+            f"{where}: gain_u is the relative standard uncertainty of the channel's gain, from 0 up to 50 %, as '0.5 %' or "
+            f"0.005; found {entry.gain_u}."
+        )
+    return Calibration(gain, _offset_u(entry, spec.unit, where))
+
+
+def _offset_u(entry: ChannelEntry, unit: str, where: str) -> float:
+    if entry.offset_u is None:
+        return 0.0
+    text = str(entry.offset_u)
+    number, _, own = text.strip().partition(" ")
+    try:
+        value = float(number.replace(",", "."))
+    except ValueError:
+        value = math.nan
+    if isinstance(entry.offset_u, bool) or not 0 <= value < math.inf or (not own and unit != "1" and value):
+        raise InputError(
+            f"{where}: offset_u is the standard uncertainty of the channel's offset, a number of 0 or more with its unit, as "
+            f"'2 {unit}'; found {entry.offset_u}."
+        )
+    # An uncertainty is a difference: of units with a zero of their own (degC) only the size counts.
+    return value * conversion(own, unit, f"{where}, offset_u").factor if own else value

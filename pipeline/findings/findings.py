@@ -36,7 +36,10 @@ class Parameter(_Strict):
     name: str = Field(description="name as in the experiment's list of parameters")
     symbol: str = Field(description="symbol in the paper, LaTeX")
     value: Number = Field(description="SI; null where the data cannot determine it")
-    std_error: Number = Field(None, description="standard error, SI; type A unless the description says otherwise")
+    std_error: Number = Field(None, description="combined standard error (types A and B), SI")
+    type_b: Number = Field(
+        None, description="the part of std_error that comes from calibrations and stated uncertainties (type B), SI"
+    )
     ci95: tuple[float, float] | None = Field(None, description="95 % interval, SI")
     unit: str = Field(description="SI unit; '1' for a ratio")
     at: OperatingPoint = Field(default_factory=dict, description="operating point, SI; {'run': ...} for one run")
@@ -164,6 +167,10 @@ class Findings(_Strict):
     runs: list[Run] = Field(default_factory=list)
     advice: list[str] = Field(default_factory=list, description="what to measure or mend next")
     settings: dict[str, Any] = Field(default_factory=dict)
+    calibration: dict[str, dict[str, float]] = Field(
+        default_factory=dict,
+        description="by channel the standard uncertainties that are carried in: gain_u (relative), offset_u (SI)",
+    )
     provenance: dict[str, Any] = Field(default_factory=dict)
     arrays: dict[str, Any] = Field(default_factory=dict, exclude=True)
 

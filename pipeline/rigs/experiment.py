@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 from pipeline.findings import Findings
 from pipeline.findings.figures import Section
 from pipeline.recording import QualityFinding, Recording
+from pipeline.rigs.advice import Advice
 
 
 class Settings(BaseModel):
@@ -256,6 +257,9 @@ class Experiment:
         Ids of the experiments of whose campaigns it can use the findings (`Context.uses`).
     reads_blocks
         Whether `check` and `identify` hold only blocks of a recording in memory, whatever its length.
+    advise
+        ``advise(findings)`` proposes the runs that would tell most beside those that the findings rest on, from parameters and
+        arrays alone, for `rigfit advise`. None where the experiment cannot.
     """
 
     id: str
@@ -275,6 +279,7 @@ class Experiment:
     live: Callable[[Recording, Any], Follower] | None = None
     builds_on: Sequence[str] = ()
     reads_blocks: bool = False
+    advise: Callable[[Findings], Advice] | None = None
 
     @property
     def rig(self) -> str:

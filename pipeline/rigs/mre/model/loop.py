@@ -16,7 +16,9 @@ from pipeline.signals.spectra import near_mains
 N_X = N_F = 15  # harmonics kept of displacement and of force
 _FIRST_X = 5  # of the displacement that are always fitted; the others only where the motion has them
 _LINES_BELOW = 3  # multiples of the mains frequency that are fitted beside the harmonics
-_BINS = 200  # periodogram bins averaged for the noise level at one harmonic
+# Periodogram bins averaged for the noise level at one harmonic: those within a factor of 1.6 in frequency, where a
+# coloured noise changes little, but enough for a standard deviation to 8 %.
+_FEWEST_BINS, _MOST_BINS, _BAND = 40, 200, 1.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,8 +198,9 @@ def _more_harmonics(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> b
 def _noise(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> np.ndarray:
     """Return the standard deviation of the real (and imaginary) part of each harmonic, shape of `orders`.
 
-    White residuals give sigma sqrt(2/n). A coloured residual is worse at some harmonics: the level is
-    the mean of the residual's periodogram over the nearest bins that the regression has not emptied.
+    White residuals give sigma sqrt(2/n). A coloured residual is worse at some harmonics, most at low ones: the level is
+    the mean of the residual's periodogram over the nearest bins that the regression has not emptied, more of them the
+    higher the harmonic.
     """
     white = fit.sigma * math.sqrt(2 / fit.n)
     residual = np.where(np.isfinite(fit.residual), fit.residual, 0.0)
@@ -211,10 +214,12 @@ def _noise(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> np.ndarray
         emptied |= np.abs(bins - order * fit.frequency) < 0.6 * resolution
     emptied[: math.ceil((1 + fit.drift.size) * resolution / spacing)] = True
     bins, power = bins[~emptied], power[~emptied]
-    count = round(_BINS * resolution / spacing)
-    if power.size < 2 * count:
+    at = orders * fit.frequency
+    count = np.clip(at * (_BAND - 1 / _BAND) / resolution, _FEWEST_BINS, _MOST_BINS) * resolution / spacing
+    count = np.round(count).astype(int)
+    if power.size < 2 * count.max():
         return np.full(orders.size, white / math.sqrt(fit.effective_fraction))
     total = np.r_[0.0, np.cumsum(power)]
-    first = np.clip(np.searchsorted(bins, orders * fit.frequency) - count // 2, 0, power.size - count)
+    first = np.clip(np.searchsorted(bins, at) - count // 2, 0, power.size - count)
     level = (total[first + count] - total[first]) / count
     return np.asarray(np.sqrt(level))

@@ -5,6 +5,7 @@ The fit of a loop averages over its cycles; what changes from cycle to cycle is 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +26,9 @@ class Wander:
     ----------
     drift
         By how much the mean force drifts slowly (as the fit takes out), N.
-    rest, jump_at
-        What of the mean force's course is no slow drift, N, and when it is largest, s.
+    rest, rest_noise, jump_at
+        What of the mean force's course is no slow drift, N; how much of it comes and goes from one cycle to the next,
+        1 sigma, N; when it changes most, s.
     force_change, motion_change, change_sd, change_dof
         Relative change of the force's and of the displacement's amplitude from the first to the last
         cycle, by a straight line; the standard error of their difference, and its degrees of freedom.
@@ -36,6 +38,7 @@ class Wander:
 
     drift: float
     rest: float
+    rest_noise: float
     jump_at: float
     force_change: float
     motion_change: float
@@ -93,6 +96,7 @@ def wander_of(series: Series, loop: Loop) -> Wander | None:
     return Wander(
         drift=float(np.ptp(slow)),
         rest=float(np.ptp(rest)),
+        rest_noise=1.4826 * float(np.median(np.abs(np.diff(rest)))) / math.sqrt(2),
         jump_at=float(series.time[0] + at[int(np.argmax(np.abs(np.diff(rest))))] * loop.duration),
         force_change=changes[0][0],
         motion_change=changes[1][0],

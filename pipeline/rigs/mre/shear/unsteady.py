@@ -18,6 +18,8 @@ LAG_SAID = 50e-6  # s
 # Shares of the force amplitude: a drift that is told, one that is doubted though the fit takes it out, and the
 # least that is left of a step or wander.
 _DRIFT_SAID, _DRIFT_DOUBTED, _REST_SAID = 0.05, 0.2, 0.015
+# The range of noise over tens of cycles stays within so many of its sigmas; slow noise is a little wider.
+_REST_SURE = 7.0
 _ZERO_SAID = 0.1
 # A record that a fit misses by more than this share shows no faults but that of the model.
 _HELD = 0.2
@@ -39,7 +41,7 @@ def _drift(runs: SortedRuns) -> list[str]:
         size = half_range(usable.loop.F)
         if usable.wander.drift > _DRIFT_SAID * size:
             drifts[usable.run] = (usable.wander.drift / size, usable.wander)
-        if usable.wander.rest > _REST_SAID * size:
+        if usable.wander.rest > max(_REST_SAID * size, _REST_SURE * usable.wander.rest_noise):
             jumps[usable.run] = (usable.wander.rest / size, usable.wander)
     _zero(runs)
     doubts = []

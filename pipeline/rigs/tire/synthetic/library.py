@@ -53,7 +53,7 @@ def library(ring: Ring, kt: float, Ro: float, length: float, largest: float) -> 
     return _library(ring, kt, Ro, length, max(_LEAST_TOP, float(np.ceil(largest / _STEP) * _STEP)))
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)
 def _library(ring: Ring, kt: float, Ro: float, length: float, top: float) -> Library:
     from scipy.ndimage import spline_filter
 

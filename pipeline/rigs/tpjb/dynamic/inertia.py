@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.errors import listing
-from pipeline.findings import Findings
+from pipeline.findings import Findings, Parameter
 from pipeline.recording import Condition, Level, QualityFinding, Recording
+from pipeline.rigs.tpjb.gains import type_a
 
 _BASELINE = "tpjb.baseline"
 # Relative errors that a stated mass and a stated stiffness may have at least.
@@ -107,7 +108,7 @@ def _of_baseline(
         stated = _stated(recordings, parameter.name) if parameter is not None else None
         if parameter is None or parameter.value is None or stated is None:
             continue
-        sd = parameter.std_error or 0.0
+        sd = parameter.std_error or 0.0  # with type B: the mass was weighed by another scale
         apart = abs(parameter.value - float(np.mean(stated)))
         level: Level = "warning" if apart > 2 * sd + slack * abs(parameter.value) else "note"
         text = (
@@ -134,12 +135,18 @@ def _of_baseline(
         float(stiffness.value)
         if stiffness is not None and stiffness.value is not None
         else _stated_stiffness(recordings, noticed),
-        mass.std_error if mass.std_error is not None else math.nan,
-        stiffness.std_error if known and stiffness is not None and stiffness.std_error is not None else math.nan,
+        _error(mass),
+        _error(stiffness) if known and stiffness is not None else math.nan,
         correlation,
         f"campaign '{campaign}' (tpjb.baseline)",
         tuple(noticed),
     )
+
+
+def _error(parameter: Parameter) -> float:
+    """Return the error that reaches the film's force: the load cells weigh stator and film, so their gain does not."""
+    error = type_a(parameter)
+    return math.nan if error is None else error
 
 
 def _stated_stiffness(recordings: Sequence[Recording], noticed: list[QualityFinding]) -> float:
@@ -166,10 +173,3 @@ def _stated(recordings: Sequence[Recording], name: str) -> list[float] | None:
 
 def _number(value: Condition | None) -> float | None:
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
-
-
-def gain_error(recordings: Sequence[Recording]) -> float | None:
-    """Return the relative standard error that all coefficients share: gains of probes and load cells; None if unknown."""
-    shares = [_stated(recordings, name) for name in ("sensor_gain_u", "force_gain_u")]
-    known = [max(values) for values in shares if values]
-    return math.hypot(*known) if known else None

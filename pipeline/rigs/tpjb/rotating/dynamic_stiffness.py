@@ -13,13 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.findings import Findings, Parameter
+from pipeline.rigs.tpjb.gains import type_a
 
 ENTRIES = ("kxx", "kxy", "kyx", "kyy")
 
 
 @dataclass(frozen=True, eq=False)
 class DynamicState:
-    """K (N/m) at one static load (N) and speed (rad/s, or None): shape (4,) with standard errors, how it was had."""
+    """K (N/m) at one static load (N) and speed (rad/s, or None): shape (4,) with standard errors (type A), how it was had."""
 
     bearing: str
     static_load: float
@@ -69,16 +70,16 @@ def _state(parameters: list[Parameter], bearing: str, load: float, speed: float 
     if any(p is None for p in synchronous):
         return None
     value = np.array([p.value for p in synchronous if p is not None], dtype=float)
-    error = np.array([p.std_error or math.nan for p in synchronous if p is not None])
+    error = np.array([type_a(p) or math.nan for p in synchronous if p is not None])
     return DynamicState(bearing, load, speed, value, error, "T2, at shaft frequency")
 
 
 def _static(parameters: list[Parameter], name: str) -> tuple[float, float] | None:
     """Return K at zero frequency and its error from the tones; None for fewer than three of them."""
     points = [
-        (float(p.at["frequency"]), p.value, p.std_error)
+        (float(p.at["frequency"]), p.value, type_a(p))
         for p in parameters
-        if p.name == name and "frequency" in p.at and p.value is not None and p.std_error
+        if p.name == name and "frequency" in p.at and p.value is not None and type_a(p)
     ]
     if len(points) < 3:
         return None

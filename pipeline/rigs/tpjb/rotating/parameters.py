@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 from pipeline.errors import counted, listing
 from pipeline.estimation.estimate import Estimate, estimate
 from pipeline.estimation.selection import Candidate
 from pipeline.findings import ModelResult, Parameter
 from pipeline.findings.findings import OperatingPoint
+from pipeline.rigs.tpjb.gains import gains_of, with_type_b
 from pipeline.rigs.tpjb.rotating.declaration import PARAMETERS
 from pipeline.rigs.tpjb.rotating.group import LoadGroup
 from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
@@ -19,6 +19,12 @@ from pipeline.rigs.tpjb.rotating.turns import Turns
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 _HARMONICS = "harmonic regression at the stamps of the steady turns"
+# Powers of the gains of probes and load cells that a number goes with; a load ratio needs the force only.
+_POWERS = (
+    dict.fromkeys(COEFFICIENTS[:4], (1.0, 1.0))
+    | dict.fromkeys(COEFFICIENTS[4:], (2.0, 1.0))
+    | {"linear_limit": (0.0, 1.0), "thd": (0.0, 0.0), "orbit_harmonic_x": (1.0, 0.0), "orbit_harmonic_y": (1.0, 0.0)}
+)
 _FIT = "displacement-domain fit to all ratios at this static load"
 
 
@@ -87,7 +93,7 @@ def _coefficients(group: LoadGroup, refused: str) -> list[Parameter]:
         own = Estimate(name, None, reason=doubt) if doubt else estimates[name]
         told = []
         if own.determined:
-            told += [f"Model {fit.name}.", _only_lower(group), _type_b(group, name)]
+            told += [f"Model {fit.name}.", _only_lower(group), _gain_text(group.runs[0], name)]
         elif not doubt:
             told += [
                 f"Determined: {c.text} = {c.value:.4g} ± {1.96 * c.std_error:.2g} {_SPECS[name].unit}."
@@ -98,8 +104,18 @@ def _coefficients(group: LoadGroup, refused: str) -> list[Parameter]:
             told.append(f"{fit.name} fits this ratio best with {estimates[name].value:.4g} {_SPECS[name].unit}.")
         description = " ".join(part for part in told if part)
         method = f"{_FIT}, {counted(len(trusted.runs), 'run')}"
-        found.append(parameter(own, dict(group.at), description, method))
+        found.append(_calibrated(parameter(own, dict(group.at), description, method), group.runs[0]))
     return found
+
+
+def _calibrated(found: Parameter, turns: Turns) -> Parameter:
+    """Return a parameter whose interval holds the stated gains of the sensors too."""
+    share = gains_of([turns.record.conditions]).share(*_POWERS[found.name])
+    return with_type_b(found, share * abs(found.value or 0.0))
+
+
+def _gain_text(turns: Turns, name: str) -> str:
+    return f"{gains_of([turns.record.conditions]).text(*_POWERS[name]).capitalize()}."
 
 
 def _no_law(group: LoadGroup) -> str:
@@ -117,17 +133,6 @@ def _only_lower(group: LoadGroup) -> str:
         return ""
     left = [turns.run for turns in group.runs if turns.run not in group.lower.index]
     return f"Without {listing(left)}: with it no quadratic law holds."
-
-
-def _type_b(group: LoadGroup, name: str) -> str:
-    """Say what calibration leaves: it scales all coefficients alike and is not in the errors."""
-    conditions = group.runs[0].record.conditions
-    gains = [conditions.get(gain) for gain in ("sensor_gain_u", "force_gain_u")]
-    probe, cell = (float(g) if isinstance(g, int | float) and not isinstance(g, bool) else 0.0 for g in gains)
-    if not probe and not cell:
-        return "Type A; gains of the sensors were not stated."
-    power = 2.0 if name in COEFFICIENTS[4:] else 1.0  # a quadratic term has the displacement's gain squared
-    return f"Type A; type B: ±{100 * math.hypot(power * probe, cell):.2g} % (standard), all coefficients alike."
 
 
 def _limit(group: LoadGroup, refused: str) -> Parameter:
@@ -148,7 +153,8 @@ def _limit(group: LoadGroup, refused: str) -> Parameter:
         f"{_only_lower(group)}"
     ).strip()
     name = trusted.selected.name if trusted else ""
-    return parameter(own, dict(group.at), description, f"simulation of {name}, draws of its coefficients")
+    found = parameter(own, dict(group.at), description, f"simulation of {name}, draws of its coefficients")
+    return _calibrated(found, group.runs[0])
 
 
 def of_clearance(group: LoadGroup, displacement: float) -> str:
@@ -174,8 +180,9 @@ def _harmonics(turns: Turns, refused: str) -> list[Parameter]:
                 continue
             amplitude = abs((turns.motion.x if axis == "x" else turns.motion.y)[order - 1])
             own = estimate(name, amplitude, axis_sigma(turns, order))
-            low, high = own.ci95 or (0.0, 0.0)
-            found.append(parameter(replace(own, ci95=(max(low, 0.0), high)), at, "", _HARMONICS))
+            told = _calibrated(parameter(own, at, "", _HARMONICS), turns)
+            low, high = told.ci95 or (0.0, 0.0)
+            found.append(told.model_copy(update={"ci95": (max(low, 0.0), high)}))
     return found
 
 

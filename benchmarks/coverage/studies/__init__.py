@@ -1,0 +1,1 @@
+"""One coverage study an experiment; each module exports `STUDY`."""

@@ -1,0 +1,296 @@
+"""What calibration leaves uncertain (type B), carried into every parameter of every experiment.
+
+A recipe states the standard uncertainty of a channel's gain and offset. The campaign is identified again with each of
+them one standard uncertainty high and low: that is the first- and second-order effect on every parameter, whatever the
+experiment does with the channel (GUM, JCGM 100, 5.1; where the second order matters, the interval comes from Monte Carlo
+on that surface, JCGM 101).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, overload
+
+import numpy as np
+
+from pipeline.errors import InputError, listing
+from pipeline.findings import Findings, Parameter
+from pipeline.recording import Recording
+from pipeline.recording.altered import altered
+from pipeline.rigs.experiment import Context, Experiment
+
+__all__ = ["BUDGET", "Calibration", "identify_calibrated"]
+
+BUDGET = "calibration_budget"
+"""The array of the findings that tells what each input adds to each parameter."""
+
+_NORMAL95 = 1.959964
+_DRAWS = 40_000
+# Share of the type B variance that the second order may have before the interval is drawn rather than computed.
+_CURVED = 0.01
+# Share of a parameter's variance that one input must have for the advice to name it.
+_RULES = 0.5
+
+Kind = Literal["gain", "offset"]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """How well a channel is calibrated: standard uncertainties of its gain (relative) and its offset (SI).
+
+    They are common to all runs of a campaign, independent of each other and of those of other channels.
+    """
+
+    gain_u: float = 0.0
+    offset_u: float = 0.0
+
+
+class _Input(NamedTuple):
+    channel: str
+    kind: Kind
+    u: float
+    no_value: float | None
+
+    @property
+    def told(self) -> str:
+        return f"{self.kind} of '{self.channel}'"
+
+
+def identify_calibrated(
+    experiment: Experiment,
+    recordings: Sequence[Recording],
+    settings: Any,
+    context: Context,
+    calibration: Mapping[str, Calibration],
+) -> Findings:
+    """Return what `experiment.identify` returns, with the stated calibrations in every standard error and interval.
+
+    ``type_b`` of a parameter then holds their part (with what the experiment itself counted as type B). The effects stand
+    in the array ``calibration_budget``: parameter, operating point, channel, kind, u, effect (SI, one standard
+    uncertainty).
+
+    Parameters
+    ----------
+    calibration
+        By channel. Nothing stated costs nothing; each stated gain or offset costs two more identifications.
+
+    Raises
+    ------
+    InputError
+        Where the recordings as they are let nothing be identified.
+    """
+    began = time.perf_counter()
+    found = experiment.identify(recordings, settings, context)
+    inputs = list(_inputs(experiment, recordings, calibration))
+    if not inputs:
+        return found
+    cost = time.perf_counter() - began
+    tasks = [
+        (experiment.id, _Off(recordings, one, side), settings, context.campaign, context.uses)
+        for one in inputs
+        for side in (1.0, -1.0)
+    ]
+    parameters, seconds = found.parameters, cost * len(tasks)
+    others: list[list[Parameter] | None] = []
+    for number, one in enumerate(context.each(_identified, tasks, seconds)):
+        others.append(one)
+        context.progress((number + 1) / len(tasks), f"calibration: {inputs[number // 2].told}")
+    sides = [(_matched(parameters, others[2 * k]), _matched(parameters, others[2 * k + 1])) for k in range(len(inputs))]
+    carried = [_carried(p, inputs, [(up[k], down[k]) for up, down in sides]) for k, p in enumerate(parameters)]
+    return found.model_copy(
+        update={
+            "parameters": [c.parameter for c in carried],
+            "calibration": {
+                name: {"gain_u": c.gain_u, "offset_u": c.offset_u}
+                for name, c in calibration.items()
+                if c.gain_u or c.offset_u
+            },
+            "advice": [*found.advice, *_advice(experiment, carried, inputs)],
+            "arrays": {**found.arrays, BUDGET: _budget(carried, inputs)},
+        }
+    )
+
+
+def _inputs(
+    experiment: Experiment, recordings: Sequence[Recording], calibration: Mapping[str, Calibration]
+) -> Iterator[_Input]:
+    carried = {name for recording in recordings for name in recording.names}
+    for name, known in calibration.items():
+        if name not in carried:
+            continue
+        spec = experiment.channel(name)
+        no_value = spec.no_value if spec else None
+        if known.gain_u:
+            yield _Input(name, "gain", known.gain_u, no_value)
+        if known.offset_u:
+            yield _Input(name, "offset", known.offset_u, no_value)
+
+
+class _Off(Sequence[Recording]):
+    """Recordings with one input off by a number of standard uncertainties; each is read when it is asked for."""
+
+    def __init__(self, recordings: Sequence[Recording], off: _Input, by: float) -> None:
+        self._recordings, self._off, self._by = recordings, off, by
+
+    @overload
+    def __getitem__(self, index: int) -> Recording: ...
+    @overload
+    def __getitem__(self, index: slice) -> _Off: ...
+    def __getitem__(self, index: int | slice) -> Recording | _Off:
+        if isinstance(index, slice):
+            return _Off(self._recordings[index], self._off, self._by)
+        return altered(self._recordings[index], {self._off.channel: self._changed})
+
+    def __len__(self) -> int:
+        return len(self._recordings)
+
+    def _changed(self, values: np.ndarray) -> np.ndarray:
+        step = self._by * self._off.u
+        changed = values * (1.0 + step) if self._off.kind == "gain" else values + step
+        return changed if self._off.no_value is None else np.where(values == self._off.no_value, values, changed)
+
+
+def _identified(
+    experiment: str, recordings: Sequence[Recording], settings: Any, campaign: str, uses: Mapping[str, Findings]
+) -> list[Parameter] | None:
+    """Return the parameters of these recordings; None where nothing can be identified."""
+    from pipeline.rigs.registry import experiment as find_experiment
+
+    try:
+        return find_experiment(experiment).identify(recordings, settings, Context(campaign, uses)).parameters
+    except InputError:
+        return None
+
+
+def _matched(parameters: Sequence[Parameter], others: Sequence[Parameter] | None) -> list[float | None]:
+    """Return for each parameter the value that the other identification gave it, None where it gave none.
+
+    An operating point that is measured moves with the calibration: those of one name and the same words are taken in
+    their order, and only where their number differs the nearest one.
+    """
+    if others is None:
+        return [None] * len(parameters)
+    groups: dict[tuple[Any, ...], list[Parameter]] = {}
+    for other in others:
+        groups.setdefault(_kin(other), []).append(other)
+    members: dict[tuple[Any, ...], list[int]] = {}
+    for k, parameter in enumerate(parameters):
+        members.setdefault(_kin(parameter), []).append(k)
+    values: list[float | None] = [None] * len(parameters)
+    for kin, places in members.items():
+        same = groups.get(kin, [])
+        for n, k in enumerate(places):
+            twin = same[n] if len(same) == len(places) else _nearest(parameters[k], same)
+            values[k] = twin.value if twin is not None else None
+    return values
+
+
+def _kin(parameter: Parameter) -> tuple[Any, ...]:
+    words = tuple(
+        (key, value if isinstance(value, str | bool) else None) for key, value in sorted(parameter.at.items())
+    )
+    return (parameter.name, words)
+
+
+def _nearest(parameter: Parameter, others: Sequence[Parameter]) -> Parameter | None:
+    numbers = {key: float(v) for key, v in parameter.at.items() if not isinstance(v, str | bool)}
+    for other in others:
+        if all(math.isclose(float(other.at[key]), v, rel_tol=0.05, abs_tol=1e-9) for key, v in numbers.items()):
+            return other
+    return None
+
+
+class _Carried(NamedTuple):
+    """A parameter with type B in it, and the first- and second-order effect of each input on it, shape (m,) each."""
+
+    parameter: Parameter
+    linear: np.ndarray
+    curved: np.ndarray
+
+
+def _carried(p: Parameter, inputs: Sequence[_Input], sides: Sequence[tuple[float | None, float | None]]) -> _Carried:
+    linear, curved = np.zeros(len(inputs)), np.zeros(len(inputs))
+    if p.value is None:
+        return _Carried(p, linear, curved)
+    lost = []
+    for k, (up, down) in enumerate(sides):
+        if up is not None and down is not None:
+            linear[k] = 0.5 * (up - down)
+            curved[k] = 0.5 * (up + down) - p.value
+        elif up is not None or down is not None:
+            linear[k] = up - p.value if up is not None else p.value - (down or 0.0)
+        else:
+            lost.append(inputs[k].told)
+    if lost:
+        reason = f"not determined within the stated uncertainty of the {listing(lost)}: one standard uncertainty up or down, nothing tells it"
+        update: dict[str, Any] = {"value": None, "std_error": None, "ci95": None, "type_b": None, "description": reason}
+        return _Carried(p.model_copy(update=update), linear, curved)
+    if p.ci95 is None or p.std_error is None:
+        return _Carried(p, linear, curved)
+    first, second = float(linear @ linear), 2.0 * float(curved @ curved)
+    added = math.sqrt(first + second)
+    straight = second <= _CURVED * (first + second)
+    update = {
+        "std_error": math.hypot(p.std_error, added),
+        "type_b": math.hypot(p.type_b or 0.0, added),
+        "ci95": _widened(p.value, p.ci95, added) if straight else _drawn(p.value, p.ci95, linear, curved),
+    }
+    return _Carried(p.model_copy(update=update), linear, curved)
+
+
+def _widened(value: float, ci95: tuple[float, float], added: float) -> tuple[float, float]:
+    """Return the interval with a normal error added: each half in quadrature."""
+    half = _NORMAL95 * added
+    return (value - math.hypot(value - ci95[0], half), value + math.hypot(ci95[1] - value, half))
+
+
+def _drawn(value: float, ci95: tuple[float, float], linear: np.ndarray, curved: np.ndarray) -> tuple[float, float]:
+    """Return the interval by Monte Carlo on the second-order surface; type A is a normal of two halves."""
+    rng = np.random.default_rng(20)
+    z = rng.standard_normal((_DRAWS, linear.size))
+    a = rng.standard_normal(_DRAWS)
+    below, above = (value - ci95[0]) / _NORMAL95, (ci95[1] - value) / _NORMAL95
+    drawn = value + z @ linear + z**2 @ curved + np.where(a < 0, a * below, a * above)
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    return (float(low), float(high))
+
+
+def _budget(carried: Sequence[_Carried], inputs: Sequence[_Input]) -> Any:
+    import pandas as pd
+
+    rows = [
+        (
+            c.parameter.name,
+            ", ".join(
+                f"{key} {value:.6g}" if isinstance(value, float) else f"{key} {value}"
+                for key, value in c.parameter.at.items()
+            ),
+            one.channel,
+            one.kind,
+            one.u,
+            math.copysign(math.hypot(c.linear[k], math.sqrt(2.0) * c.curved[k]), c.linear[k]),
+        )
+        for c in carried
+        for k, one in enumerate(inputs)
+        if c.parameter.value is not None and (c.linear[k] or c.curved[k])
+    ]
+    return pd.DataFrame(rows, columns=["parameter", "at", "channel", "kind", "u", "effect"])
+
+
+def _advice(experiment: Experiment, carried: Sequence[_Carried], inputs: Sequence[_Input]) -> list[str]:
+    """Name the inputs that rule the error of the parameters that matter most."""
+    key = {spec.name for spec in experiment.parameters if spec.key}
+    ruled: dict[int, dict[str, None]] = {}
+    for c in carried:
+        if c.parameter.name in key and c.parameter.std_error:
+            k = int(np.argmax(np.abs(c.linear)))
+            if c.linear[k] ** 2 > _RULES * c.parameter.std_error**2:
+                ruled.setdefault(k, {})[c.parameter.name] = None
+    return [
+        f"The calibration of the {inputs[k].told} rules the error of {listing(names, 6)}: more runs do not help there, a better "
+        "calibration does."
+        for k, names in ruled.items()
+    ]
