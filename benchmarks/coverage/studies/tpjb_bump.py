@@ -13,6 +13,7 @@ from pipeline.rigs.tpjb.bump.synthetic import bump_truth, planes_of, synthesize
 
 _CASES: dict[str, dict[str, Any]] = {
     "standard": {"bearing": "4pad", "noise_memory": 0.5},
+    "gains known": {"bearing": "4pad", "noise_memory": 0.5},
     "5pad": {"bearing": "5pad", "noise_memory": 0.5},
     "one level": {"bearing": "4pad", "levels": [4e3], "noise_memory": 0.5},
 }
@@ -25,7 +26,7 @@ def campaign(case: str, seed: int) -> Campaign:
     def truth(parameter: Parameter) -> float | None:
         return true.get((parameter.name, int(parameter.at.get("plane", 0)), int(parameter.at.get("side", 0))))
 
-    return Campaign(as_logged(synthesize(_CASES[case], seed), seed), truth, label=_label)
+    return Campaign(as_logged(synthesize(_CASES[case], seed), seed, gains=case == "standard"), truth, label=_label)
 
 
 def _label(parameter: Parameter) -> str:
@@ -58,8 +59,9 @@ STUDY = Study(
             "four-pad bearing, four levels of force: probe noise 0.1 um with a memory of 0.5 s, force noise 20 N, 0.1 % of the "
             "rows lost, 10 us of jitter, gains of probes off by 1 % and of load cells by 0.5 %"
         ),
-        "5pad": Case("five-pad bearing; the same dirt"),
-        "one level": Case("four-pad bearing, one level of force only; the same dirt"),
+        "gains known": Case("the same with all gains right: type A alone"),
+        "5pad": Case("five-pad bearing; the same dirt, gains right"),
+        "one level": Case("four-pad bearing, one level of force only; the same dirt, gains right"),
     },
     campaign,
 )

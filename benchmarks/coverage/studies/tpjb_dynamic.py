@@ -21,17 +21,18 @@ _DIRT = (
     "beside it noise with a memory of 20 ms of the probes (50 nm) and the load cells (3 N), 0.1 % of the rows lost, 10 us of "
     "jitter, gains of probes off by 1 % and of load cells by 0.5 %"
 )
-_BEARINGS = {"standard": ("4pad-L1", "4pad-L2"), "5pad": ("5pad-L3",)}
+_BEARINGS = {"standard": ("4pad-L1", "4pad-L2"), "gains known": ("4pad-L1", "4pad-L2"), "5pad": ("5pad-L3",)}
 
 
 def campaign(case: str, seed: int) -> Campaign:
     """Return the logs of a campaign, its baseline campaign, and what is true of them."""
+    gains = case == "standard"
     rng = np.random.default_rng((seed, 5))
     recordings = DYNAMIC.synthesize({"bearings": list(_BEARINGS[case])}, seed)
     recordings = dirt.coloured(recordings, rng, dict.fromkeys(GAPS, 5e-8) | {"force_u": 3.0, "force_v": 3.0}, 0.02)
     weighed = dirt.coloured(BASELINE.synthesize({}, seed), rng, {"force_u": 3.0, "force_v": 3.0}, 0.02)
-    baseline = BASELINE.identify(as_logged(weighed, seed), BaselineSettings(), Context("baseline", {}))
-    return Campaign(as_logged(recordings, seed), _truth(case), uses={"baseline": baseline}, label=_label)
+    baseline = BASELINE.identify(as_logged(weighed, seed, gains=gains), BaselineSettings(), Context("baseline", {}))
+    return Campaign(as_logged(recordings, seed, gains=gains), _truth(case), uses={"baseline": baseline}, label=_label)
 
 
 def _truth(case: str) -> Callable[[Parameter], float | None]:
@@ -55,7 +56,8 @@ STUDY = Study(
     DYNAMIC,
     {
         "standard": Case(f"four-pad bearing at two static loads: {_DIRT}"),
-        "5pad": Case("five-pad bearing, whose coefficients go with frequency; the same dirt"),
+        "gains known": Case("the same with all gains right: type A alone"),
+        "5pad": Case("five-pad bearing, whose coefficients go with frequency; the same dirt, gains right"),
     },
     campaign,
 )

@@ -37,7 +37,7 @@ def campaign(case: str, seed: int) -> Campaign:
     if case == "no dwell":
         overrides["runs"] = ("A4", "A5")
     names: Sequence[str] = overrides.get("runs", CAMPAIGNS[name])
-    recordings = as_logged(synthesize(overrides, seed), seed)
+    recordings = as_logged(synthesize(overrides, seed), seed, gains=case == "standard")
     return Campaign(recordings, _truth(names, overrides, seed), label=_label)
 
 
@@ -82,8 +82,13 @@ STUDY = Study(
     ROTATING,
     {
         "standard": Case(f"four-pad bearing, two static loads with two load ratios each: {_DIRT}"),
-        "5pad": Case("five-pad bearing, three load ratios at one static load and one at another; the same dirt"),
-        "no dwell": Case("four-pad bearing, two load ratios without a stretch at zero force; the same dirt"),
+        "gains known": Case("the same with all gains right: type A alone"),
+        "5pad": Case(
+            "five-pad bearing, three load ratios at one static load and one at another; the same dirt, gains right"
+        ),
+        "no dwell": Case(
+            "four-pad bearing, two load ratios without a stretch at zero force; the same dirt, gains right"
+        ),
     },
     campaign,
 )

@@ -20,6 +20,7 @@ from pipeline.rigs.tpjb.dynamic import excitation
 from pipeline.rigs.tpjb.dynamic.motion import ACCELEROMETERS
 from pipeline.rigs.tpjb.dynamic.record import Record
 from pipeline.rigs.tpjb.dynamic.sorting import read_record
+from pipeline.rigs.tpjb.gains import Gains, gains_of, with_type_b
 
 # Share by which u and v, or two accelerometers, may differ; by which a weighed mass may.
 _ALIKE, _WEIGHED = 0.02, 0.05
@@ -68,6 +69,7 @@ def identify(recordings: Sequence[Recording], settings: BaselineSettings, contex
     several = bool(ratios.frequency.max() > _APART * ratios.frequency.min())
     spring = None if several else _stated_spring(wanted)
     found = fit(ratios, spring=several, stated=spring or 0.0)
+    gains = gains_of(r.conditions for r in wanted)
     fatal = _judge(found, ratios, [] if not several and spring is None else wanted, quality)
     untold = "" if several else _one_tone(ratios, spring, quality)
     grave = [q for q in quality if q.level != "note"]
@@ -84,7 +86,7 @@ def identify(recordings: Sequence[Recording], settings: BaselineSettings, contex
         experiment="tpjb.baseline",
         verdict="rejected" if fatal else "warning" if grave else "ok",
         reasons=[fatal] if fatal else list(dict.fromkeys(reasons + [q.message for q in grave[:3]])),
-        parameters=_parameters(found, ratios, (fatal or (untold if spring is None else ""), fatal or untold)),
+        parameters=_parameters(found, ratios, gains, (fatal or (untold if spring is None else ""), fatal or untold)),
         models=models,
         quality=[Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in quality],
         runs=[Run(run=r.run, used=r.run not in left_out, reason=left_out.get(r.run, "")) for r in recordings],
@@ -200,7 +202,7 @@ def _judge(found: MassAndSpring, ratios: Ratios, recordings: Sequence[Recording]
     return ""
 
 
-def _parameters(found: MassAndSpring, ratios: Ratios, reasons: tuple[str, str]) -> list[Parameter]:
+def _parameters(found: MassAndSpring, ratios: Ratios, gains: Gains, reasons: tuple[str, str]) -> list[Parameter]:
     dof = float(ratios.dof.sum())
     half = t_quantile(dof)
     out = []
@@ -218,12 +220,12 @@ def _parameters(found: MassAndSpring, ratios: Ratios, reasons: tuple[str, str]) 
                 ci95=(value - half * sd, value + half * sd) if known else None,
                 unit=spec.unit,
                 description=reason
-                or f"{spec.description}; type A, gains of load cells and accelerometers are not in it",
+                or f"{spec.description}; {gains.text(0, 1)}; gain of the accelerometers not in the interval",
                 source=spec.source,
                 method="weighted least squares on ratios of coherent means",
             )
         )
-    return out
+    return [with_type_b(p, gains.share(0, 1) * abs(p.value or 0.0)) for p in out]
 
 
 def _model(name: str, found: MassAndSpring, ratios: Ratios, selected: bool) -> ModelResult:

@@ -17,6 +17,6 @@ def methods(findings: Findings) -> Sequence[str]:
         "direction and excitation, with errors from the scatter of force less ratio times acceleration over the blocks.",
         "Mass and stiffness are the weighted least-squares fit of Re(F/a) = m_s - k_s/w^2; the weights pool the errors of one tone, "
         "the covariance uses each error by itself. Where chi-square exceeds its 99 % point the errors are widened to the scatter. "
-        "Intervals hold 95 % and contain type A contributions only: a relative gain error of load cells and accelerometers "
-        "scales both numbers and, since the same sensors serve in the dynamic test, largely cancels there.",
+        "Intervals hold 95 % and contain the stated gain error of the load cells (type B). It scales both numbers and, since the "
+        "same cells serve in the dynamic test, cancels there; that of the accelerometers is in no interval.",
     ]

@@ -15,11 +15,14 @@ from pipeline.rigs.tpjb.bump.contact import centre_weights, side_normals
 from pipeline.rigs.tpjb.bump.contact_fit import ContactFit
 from pipeline.rigs.tpjb.bump.declaration import PARAMETERS
 from pipeline.rigs.tpjb.bump.faults import friction_of
+from pipeline.rigs.tpjb.gains import Gains, gains_of, with_type_b
 
 At = Mapping[str, float | str | bool]
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 # Relative standard error beyond which a stiffness is not determined.
 _VAGUE = 0.3
+# Powers of the gains of probes and load cells that a number goes with; lengths and angles over z2 - z1 take the probes' alone.
+_POWERS = {"rotation": (0.0, 0.0), "contact_stiffness": (1.0, 1.0), "support_stiffness": (1.0, 1.0)}
 
 
 def parameters_of(fit: BearingFit, at: At, condemned: str = "") -> list[Parameter]:
@@ -27,29 +30,29 @@ def parameters_of(fit: BearingFit, at: At, condemned: str = "") -> list[Paramete
 
     `condemned` says why none of them means anything; they are all undetermined then.
     """
-    typeb = _type_b(fit, "sensor_gain_u")
-    one_level = "; from one force level: that k_p holds at other forces is not checked" if _levels(fit) < 2 else ""
+    one_level = "from one force level: that k_p holds at other forces is not checked" if _levels(fit) < 2 else ""
     method = (
         "contact law fitted to block means of all levels and planes, effective variance"
         if fit.contact is not None
         else "support function of the orbit at the largest force"
     )
     found = [
-        *_per_plane(fit, at, typeb),
-        *_tilts(fit, at, typeb),
-        *_stiffnesses(fit, at, _type_b(fit, "sensor_gain_u", "force_gain_u") + one_level),
+        *_per_plane(fit, at),
+        *_tilts(fit, at),
+        *_stiffnesses(fit, at, one_level),
     ]
-    return [_parameter(undetermined(e.name, condemned, e.at) if condemned else e, method) for e in found]
+    gains = gains_of(record.recording.conditions for record in fit.records)
+    return [_parameter(undetermined(e.name, condemned, e.at) if condemned else e, method, gains) for e in found]
 
 
-def _parameter(e: Estimate, method: str) -> Parameter:
-    spec = _SPECS[e.name]
+def _parameter(e: Estimate, method: str, gains: Gains) -> Parameter:
+    spec, powers = _SPECS[e.name], _POWERS.get(e.name, (1.0, 0.0))
     told = (
         f"{spec.description}: {e.reason}"
         if e.value is None
-        else "; ".join(t for t in (spec.description, e.reason) if t)
+        else "; ".join(t for t in (spec.description, e.reason, gains.text(*powers)) if t)
     )
-    return Parameter(
+    found = Parameter(
         name=e.name,
         symbol=spec.symbol,
         value=e.value,
@@ -61,24 +64,14 @@ def _parameter(e: Estimate, method: str) -> Parameter:
         source=spec.source,
         method=method,
     )
+    return with_type_b(found, gains.share(*powers) * abs(e.value or 0.0))
 
 
 def _levels(fit: BearingFit) -> int:
     return len(fit.blocks.levels)
 
 
-def _type_b(fit: BearingFit, *gains: str) -> str:
-    """Return what calibration adds, from the conditions that tell it; empty where none does."""
-    told = [max((_number(r.recording.conditions.get(g)) for r in fit.records), default=0.0) for g in gains]
-    total = float(np.hypot.reduce(told))
-    return f"interval is type A; type B: +-{100 * total:.2g} % (1 sigma, gains), all alike" if total else ""
-
-
-def _number(value: float | str | bool | None) -> float:
-    return abs(float(value)) if isinstance(value, int | float) else 0.0
-
-
-def _per_plane(fit: BearingFit, at: At, typeb: str) -> list[Estimate]:
+def _per_plane(fit: BearingFit, at: At) -> list[Estimate]:
     found: list[Estimate] = []
     for plane, polygon in fit.top.items():
         here = {**at, "plane": float(plane)}
@@ -107,8 +100,7 @@ def _per_plane(fit: BearingFit, at: At, typeb: str) -> list[Estimate]:
                     undetermined(name, f"{own_zero}; the centre in it would read {1e6 * values[row]:.4g} um", there)
                 )
             else:
-                told = "; ".join(t for t in (remark, typeb) if t)
-                found.append(estimate(name, values[row], sd[row], dof=dof, at=there, reason=told))
+                found.append(estimate(name, values[row], sd[row], dof=dof, at=there, reason=remark))
         found.append(estimate("rotation", values[-1], sd[-1], dof=dof, at=here))
     return found
 
@@ -174,7 +166,7 @@ def _derived(contact: ContactFit, plane: int, n_pads: int, absent: Sequence[int]
     return propagate(derived, at, Covariance(matrix, covariance.dof, covariance.method))
 
 
-def _tilts(fit: BearingFit, at: At, typeb: str) -> list[Estimate]:
+def _tilts(fit: BearingFit, at: At) -> list[Estimate]:
     names = ("tilt_x", "tilt_y")
     if len(fit.blocks.planes) < 2:
         return [undetermined(name, "the probes measure one plane only", at) for name in names]
@@ -197,7 +189,6 @@ def _tilts(fit: BearingFit, at: At, typeb: str) -> list[Estimate]:
     z1, z2 = next(z for z in places if z is not None)
     values, spread = tilt_of(fit.contact, fit.n_pads, z1, z2)
     reason = f"difference of the centres in plane 2 and 1 over z2 - z1 = {z2 - z1:.4g} m"
-    reason = "; ".join(t for t in (reason, typeb) if t)
     return [
         estimate(name, value, sd, dof=spread.dof, at=at, reason=reason)
         for name, value, sd in zip(names, values, spread.std_error, strict=True)

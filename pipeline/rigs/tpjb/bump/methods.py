@@ -60,7 +60,6 @@ def _contact(findings: Findings) -> str:
 
 def _errors() -> str:
     return (
-        "Intervals hold 95 % and contain type A contributions: residual noise, widened for its correlation in time by the "
-        "effective number of samples (Geyer 1992). Calibration of probes and load cells (type B) scales all lengths, or all "
-        "stiffnesses, alike and is told beside the interval."
+        "Intervals hold 95 %: residual noise, widened for its correlation in time by the effective number of samples (Geyer 1992), "
+        "and, added in squares, the stated gain errors of probes and load cells (type B), which scale all lengths, or all stiffnesses, alike."
     )

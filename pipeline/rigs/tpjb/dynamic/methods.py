@@ -54,9 +54,9 @@ def _laws() -> str:
 
 def _errors() -> str:
     return (
-        "Standard errors are type A: with e = F - H D of each block, the covariance of its mean under excitation m, G_m, and row m of D^-1, "
+        "Type A: with e = F - H D of each block, the covariance of its mean under excitation m, G_m, and row m of D^-1, "
         "w_m, the covariance of H is the sum of G_m (x) w_m w_m^H, real and imaginary part having half each. Intervals are Student's with the blocks "
-        "less one as degrees of freedom of each excitation (Satterthwaite for their sum). Type B is told apart and is in no interval: gains of probes "
-        "and load cells scale all coefficients alike; a displacement that is late by dt raises C by K dt and lowers K by w^2 C dt; the error of the "
-        "stator's mass and stiffness acts through a/D."
+        "less one as degrees of freedom of each excitation (Satterthwaite for their sum). The stated gain errors of probes and load cells, which scale all "
+        "coefficients alike, and the error of the stator's mass and stiffness, which acts through a/D, are added in squares as type B. A displacement "
+        "that is late by dt raises C by K dt and lowers K by w^2 C dt; that is in no interval."
     )

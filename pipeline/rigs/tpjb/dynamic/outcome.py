@@ -12,10 +12,10 @@ from pipeline.estimation.selection import Candidate
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.findings import ModelResult, Parameter, Published
 from pipeline.rigs.tpjb.dynamic.declaration import PARAMETERS
-from pipeline.rigs.tpjb.dynamic.inertia import gain_error
 from pipeline.rigs.tpjb.dynamic.laws import Law, choice_error
 from pipeline.rigs.tpjb.dynamic.nonlinearity import Products
 from pipeline.rigs.tpjb.dynamic.solution import NAMES, Coefficient, Solution
+from pipeline.rigs.tpjb.gains import Gains, gains_of, type_a, with_type_b
 
 _METHOD = "ratio of coherent means over blocks"
 # A shift by what is in doubt that counts, in standard errors.
@@ -55,14 +55,8 @@ def _at_tone(solution: Solution, entry: Coefficient, k: int) -> Parameter:
     description = (
         f"type A: {t_quantile(float(entry.dof[k])):.2f} standard errors, {entry.dof[k]:.3g} degrees of freedom"
     )
-    return _parameter(
-        entry.name,
-        value,
-        sd,
-        float(entry.dof[k]),
-        at,
-        f"{description}; {_type_b(solution, float(entry.inertia[k]), entry.name)}",
-    )
+    found = _parameter(entry.name, value, sd, float(entry.dof[k]), at, description)
+    return _with_type_b(solution, found, float(entry.inertia[k]))
 
 
 def _synchronous(solution: Solution, name: str) -> Parameter:
@@ -90,8 +84,8 @@ def _synchronous(solution: Solution, name: str) -> Parameter:
         f", of the error {chosen:.2g} {_SPEC[name].unit} by the choice of the degree" if chosen > 0.1 * sd else ""
     )
     by_mass = float(np.interp(shaft, solution.tones, entry.inertia))
-    text = f"order {law.degree}: polynomial of degree {law.degree} in frequency ({judged}{widened}); {_type_b(solution, by_mass, name)}"
-    return _parameter(name, float(value), sd, law.noise_dof, at, text)
+    text = f"order {law.degree}: polynomial of degree {law.degree} in frequency ({judged}{widened})"
+    return _with_type_b(solution, _parameter(name, float(value), sd, law.noise_dof, at, text), by_mass)
 
 
 def _doubted(solution: Solution, name: str, sd: float, k: int) -> str:
@@ -104,16 +98,21 @@ def _doubted(solution: Solution, name: str, sd: float, k: int) -> str:
     )
 
 
-def _type_b(solution: Solution, by_inertia: float, name: str) -> str:
-    gain = gain_error(solution.pool.members)
-    parts = ["gains not stated" if gain is None else f"±{100 * gain:.2g} % by gains, all coefficients alike"]
-    unknown = np.isnan(solution.inertia.mass_error)
-    parts.append(
-        "error of the stator's mass not stated"
-        if unknown
-        else f"±{by_inertia:.2g} {_SPEC[name].unit} by the stator inertia"
+def _gains(solution: Solution) -> Gains:
+    return gains_of(member.conditions for member in solution.pool.members)
+
+
+def _with_type_b(solution: Solution, found: Parameter, by_inertia: float) -> Parameter:
+    """Return a parameter with what gains and the error of the stator's inertia add, and say so."""
+    gains = _gains(solution)
+    by_gains = gains.share(1, 1) * abs(found.value or 0.0)
+    told = with_type_b(with_type_b(found, by_gains), by_inertia)
+    inertia = (
+        "error of the stator's mass not stated and not in the interval"
+        if np.isnan(solution.inertia.mass_error)
+        else f"with ±{by_inertia:.2g} {found.unit} by the stator's inertia"
     )
-    return "type B (one standard error, not in the interval): " + ", ".join(parts)
+    return told.model_copy(update={"description": f"{found.description}; {gains.text(1, 1)}; {inertia}"})
 
 
 def _parameter(
@@ -241,7 +240,8 @@ def arrays_of(solutions: Sequence[Solution], products: Sequence[Sequence[Product
 
 
 def _coefficient_rows(solution: Solution, here: dict[str, Any], tables: dict[str, list[dict[str, Any]]]) -> None:
-    gain, shaft = gain_error(solution.pool.members), solution.pool.shaft
+    gains, shaft = _gains(solution), solution.pool.shaft
+    gain = None if gains.probe is None and gains.cell is None else gains.share(1, 1)
     for entry in solution.coefficients.values():
         half = np.array([t_quantile(float(dof)) for dof in entry.dof]) * entry.std_error
         for k, tone in enumerate(solution.tones):
@@ -274,7 +274,7 @@ def _coefficient_rows(solution: Solution, here: dict[str, Any], tables: dict[str
                 **here,
                 "name": entry.name,
                 "value": parameter.value,
-                "std_error": parameter.std_error,
+                "std_error": type_a(parameter),
                 "low": low,
                 "high": high,
             }

@@ -138,8 +138,8 @@ def _synchronous(table: pd.DataFrame, number: int, letter: str) -> Table:
     return Table(
         f"synchronous_{what}_{number}",
         f"Synchronous {what}",
-        "Interpolated to the shaft's frequency. Type A is the scatter of the blocks; type B by gains scales all coefficients alike "
-        "and is not in the interval; type B by inertia is what the error of the stator's mass and stiffness does."
+        "Interpolated to the shaft's frequency; the interval holds all three. Type A is the scatter of the blocks; type B by gains, as "
+        "stated, scales all coefficients alike; type B by inertia is what the error of the stator's mass and stiffness does."
         f"{lag}",
         [
             Column("coefficient"),

@@ -74,9 +74,9 @@ def _choice() -> str:
 
 def _errors() -> str:
     return (
-        "Standard errors are type A: the covariance of the fit under the noise of the residual between 0.4 and 20 orders of "
-        "the rotation, since only slow noise reaches the coefficients and the shaft's line is folded above; intervals hold "
-        "95 %. Gains of probes and load cells scale all coefficients alike and are told apart as type B. Without a stretch "
+        "Type A is the covariance of the fit under the noise of the residual between 0.4 and 20 orders of "
+        "the rotation, since only slow noise reaches the coefficients and the shaft's line is folded above. The stated "
+        "gain errors of probes and load cells, which scale all coefficients alike, are added in squares (type B); intervals hold 95 %. Without a stretch "
         "at zero force and with one ratio, kxx2 + kxy2 and kyx2 + kyy2 act through the mean shift only and are not told."
     )
 

@@ -115,7 +115,8 @@ def _calibrated(found: Parameter, turns: Turns) -> Parameter:
 
 
 def _gain_text(turns: Turns, name: str) -> str:
-    return f"{gains_of([turns.record.conditions]).text(*_POWERS[name]).capitalize()}."
+    text = gains_of([turns.record.conditions]).text(*_POWERS[name])
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _no_law(group: LoadGroup) -> str:
