@@ -28,6 +28,7 @@ from pipeline.report.figure import FigureView, figure_view
 from pipeline.report.gathered import MOST_TOLD, told
 from pipeline.report.parameters import key_table, parameter_tables
 from pipeline.report.table import TableView, table_view
+from pipeline.report.uncertainty import budget_table, stated
 from pipeline.report.words import clean
 from pipeline.rigs.experiment import Experiment
 
@@ -100,6 +101,7 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
         ("published", "Published values", _some(published_table(findings.published))),
         ("quality", "Quality of the data", _quality(findings)),
         ("parameters", "All parameters", [*parameter_tables(findings, experiment)]),
+        ("uncertainty", "Scatter and calibration", _uncertainty(findings, experiment)),
         ("runs", "Runs", _runs(findings, experiment)),
         ("paper", "Checks of the paper, without these logs", _some(paper_table(findings.published))),
         ("methods", "How it was done", _methods(findings, experiment)),
@@ -158,6 +160,11 @@ def _quality(findings: Findings) -> list[Block | Figure]:
         quality_table(findings.quality, findings.runs) if findings.quality else None, repairs_table(findings.runs)
     )
     return tables or [Paragraphs(["Nothing was noticed, and nothing was repaired."])]
+
+
+def _uncertainty(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
+    text = stated(findings, experiment)
+    return [*([Paragraphs([text])] if text else []), *_some(budget_table(findings))]
 
 
 def _runs(findings: Findings, experiment: Experiment) -> list[Block | Figure]:

@@ -20,6 +20,7 @@ from pipeline.report.per_run import by_place, summed_up
 from pipeline.report.reading_units import ReadingUnit, reading_unit, size_of, typical
 from pipeline.report.symbols import symbol_html
 from pipeline.report.table import MOST_ROWS, Head, Shown, TableView, table_view
+from pipeline.report.uncertainty import type_a
 from pipeline.report.words import clean
 from pipeline.rigs.experiment import Experiment
 
@@ -103,9 +104,11 @@ def _without_run(parameter: Parameter) -> dict[str, float | str | bool]:
 def key_table(findings: Findings, experiment: Experiment) -> TableView:
     """Return the table of the numbers that matter."""
     rows: list[tuple[Shown, Reading | None, str]] = []
+    shown: list[Parameter | None] = []
     for parameters in key_parameters(findings, experiment):
         if len(parameters) > _MOST_KEY_ROWS:
             rows.append(_range_row(parameters, experiment))
+            shown.append(None)
             continue
         unit = common_unit(parameters, experiment)
         for parameter in parameters:
@@ -113,7 +116,8 @@ def key_table(findings: Findings, experiment: Experiment) -> TableView:
             about = _meaning(parameter, experiment)
             what = Shown(symbol_of(parameter) + (f" at {place}" if place else ""), about)
             rows.append((what, _reading(parameter, unit), unit.name))
-    return _list_view("key", "The numbers that matter", rows)
+            shown.append(parameter)
+    return _list_view("key", "The numbers that matter", rows, _parts(shown, experiment))
 
 
 def parameter_tables(findings: Findings, experiment: Experiment) -> list[TableView]:
@@ -238,11 +242,25 @@ def _constant_view(parameters: Sequence[Parameter], experiment: Experiment) -> T
         rows.append((Shown(symbol_of(parameter) + name, _meaning(parameter, experiment)), _reading(parameter, unit),
                      unit.name))  # fmt: skip
     more = [
+        *_parts(parameters, experiment),
         (Head("Source"), [clean(p.source) for p in parameters]),
         (Head("Method"), [clean(p.method) for p in parameters]),
     ]
     more = [(head, texts) for head, texts in more if any(texts)]
     return _list_view("parameters", "Parameters with one value for the campaign", rows, more)
+
+
+def _parts(parameters: Sequence[Parameter | None], experiment: Experiment) -> list[tuple[Head, list[str]]]:
+    """Return the column that splits standard errors into scatter (A) and calibration (B), if any of them holds both."""
+    texts = []
+    for parameter in parameters:
+        if parameter is None or parameter.type_b is None:
+            texts.append("")
+            continue
+        size = common_unit([parameter], experiment).size
+        parts = (plain((part or 0.0) / size, 2) for part in (type_a(parameter), parameter.type_b))
+        texts.append("A {}, B {}".format(*parts))
+    return [(Head("Of it: scatter A, calibration B"), texts)] if any(texts) else []
 
 
 def _varying_view(parameters: Sequence[Parameter], experiment: Experiment) -> TableView:

@@ -22,13 +22,13 @@ from pipeline.recording import Recording
 from pipeline.recording.altered import altered
 from pipeline.rigs.experiment import Context, Experiment
 
-__all__ = ["BUDGET", "Calibration", "identify_calibrated"]
-
 BUDGET = "calibration_budget"
 """The array of the findings that tells what each input adds to each parameter."""
 
 _NORMAL95 = 1.959964
 _DRAWS = 40_000
+# Effects below this share of the standard error are none.
+_NOTHING = 1e-6
 # Share of the type B variance that the second order may have before the interval is drawn rather than computed.
 _CURVED = 0.01
 # Share of a parameter's variance that one input must have for the advice to name it.
@@ -228,16 +228,16 @@ def _carried(p: Parameter, inputs: Sequence[_Input], sides: Sequence[tuple[float
         reason = f"not determined within the stated uncertainty of the {listing(lost)}: one standard uncertainty up or down, nothing tells it"
         update: dict[str, Any] = {"value": None, "std_error": None, "ci95": None, "type_b": None, "description": reason}
         return _Carried(p.model_copy(update=update), linear, curved)
-    if p.ci95 is None or p.std_error is None:
-        return _Carried(p, linear, curved)
     first, second = float(linear @ linear), 2.0 * float(curved @ curved)
     added = math.sqrt(first + second)
+    if added < _NOTHING * (p.std_error or abs(p.value)):  # the digits of the fit
+        added = first = second = 0.0
     straight = second <= _CURVED * (first + second)
-    update = {
-        "std_error": math.hypot(p.std_error, added),
-        "type_b": math.hypot(p.type_b or 0.0, added),
-        "ci95": _widened(p.value, p.ci95, added) if straight else _drawn(p.value, p.ci95, linear, curved),
-    }
+    update = {"type_b": math.hypot(p.type_b or 0.0, added)}
+    if p.std_error is not None:
+        update["std_error"] = math.hypot(p.std_error, added)
+    if p.ci95 is not None:
+        update["ci95"] = _widened(p.value, p.ci95, added) if straight else _drawn(p.value, p.ci95, linear, curved)
     return _Carried(p.model_copy(update=update), linear, curved)
 
 
@@ -264,10 +264,7 @@ def _budget(carried: Sequence[_Carried], inputs: Sequence[_Input]) -> Any:
     rows = [
         (
             c.parameter.name,
-            ", ".join(
-                f"{key} {value:.6g}" if isinstance(value, float) else f"{key} {value}"
-                for key, value in c.parameter.at.items()
-            ),
+            place_of(c.parameter),
             one.channel,
             one.kind,
             one.u,
@@ -275,9 +272,16 @@ def _budget(carried: Sequence[_Carried], inputs: Sequence[_Input]) -> Any:
         )
         for c in carried
         for k, one in enumerate(inputs)
-        if c.parameter.value is not None and (c.linear[k] or c.curved[k])
+        if c.parameter.type_b and (c.linear[k] or c.curved[k])
     ]
     return pd.DataFrame(rows, columns=["parameter", "at", "channel", "kind", "u", "effect"])
+
+
+def place_of(parameter: Parameter) -> str:
+    """Return the operating point as the budget names it."""
+    return ", ".join(
+        f"{key} {value:.6g}" if isinstance(value, float) else f"{key} {value}" for key, value in parameter.at.items()
+    )
 
 
 def _advice(experiment: Experiment, carried: Sequence[_Carried], inputs: Sequence[_Input]) -> list[str]:

@@ -182,3 +182,40 @@ def test_a_recipe_that_would_unfold_without_end_is_refused(tmp_path: Path, text:
 def test_a_sign_may_be_written_as_text(tmp_path: Path) -> None:
     made = load(written(tmp_path, 'experiment: spring.pull\nchannels: {force: {channel: F, sign: "-1"}}\n'))
     assert made.channels["force"].sign == -1
+
+
+def test_calibrations_are_read_in_si(tmp_path: Path) -> None:
+    recipe = load(
+        written(
+            tmp_path,
+            "experiment: spring.pull\nchannels:\n"
+            "  force: {gain_u: 0.5 %, offset_u: 0.002 kN}\n"
+            "  extension: {channel: Weg, gain_u: 0.01, offset_u: 3 um}\n",
+        )
+    )
+    assert recipe.calibration["force"].gain_u == pytest.approx(0.005)
+    assert recipe.calibration["force"].offset_u == pytest.approx(2.0)
+    assert recipe.calibration["extension"].gain_u == 0.01
+    assert recipe.calibration["extension"].offset_u == pytest.approx(3e-6)
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ("force: {gain_u: 80 %}", "from 0 up to 50 %"),
+        ("force: {gain_u: -0.1 %}", "from 0 up to 50 %"),
+        ("force: {gain_u: true}", "from 0 up to 50 %"),
+        ("force: {gain_u: good}", "not a number with a unit"),
+        ("force: {gain_u: 2 N}", "does not measure the same"),
+        ("force: {offset_u: 2}", "'2 N'"),
+        ("force: {offset_u: -2 N}", "'2 N'"),
+        ("force: {offset_u: 2 mm}", "does not measure the same"),
+        ("force: {offset_u: .inf N}", "'2 N'"),
+        ("time: {gain_u: 1 %}", "'time' does not"),
+    ],
+)
+def test_a_calibration_that_can_not_be_is_refused_with_its_line(tmp_path: Path, entry: str, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load(written(tmp_path, f"experiment: spring.pull\nchannels:\n  {entry}\n"))
+    assert "line 3" in str(caught.value)
+    assert said in str(caught.value)
