@@ -6,16 +6,15 @@ from pathlib import Path
 
 import click
 
-from pipeline.campaign.project import Project
+from pipeline.cli.findings_of import findings_of
 from pipeline.errors import InputError, counted
-from pipeline.findings import Findings, storage
 from pipeline.findings.export import as_csv, bearing_tables
 from pipeline.recording.storage import whole_or_not
 
 
 def export(campaign: str, form: str, out: Path | None) -> None:
     """Write the findings of a campaign, or of a findings.json, as `form` into the folder `out`."""
-    findings, results = _found(campaign)
+    findings, results = findings_of(campaign)
     folder = out or results / "export"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, not a folder; name another folder with --out.")
@@ -31,19 +30,6 @@ def export(campaign: str, form: str, out: Path | None) -> None:
                 f"({', '.join(f'{row:.4g}' for row in table.skipped)} rad/s).",
                 err=True,
             )
-
-
-def _found(campaign: str) -> tuple[Findings, Path]:
-    """Return the findings that a path or a campaign of this project names, and the folder that they lie in."""
-    path = Path(campaign)
-    if path.name == "findings.json" or (path / "findings.json").is_file():
-        return storage.read(path), path if path.is_dir() else path.parent
-    results = Project.around(Path.cwd()).campaign(campaign).results
-    if not (results / "findings.json").is_file():
-        raise InputError(
-            f"campaign '{campaign}' has no findings yet ({results}); run 'dvc repro' or 'rigfit identify {campaign}' first."
-        )
-    return storage.read(results), results
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -245,6 +245,20 @@ def export(campaign: str, form: str, out: Path | None) -> None:
 
 
 @rigfit.command()
+@click.argument("campaign")
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON, in SI.")
+def advise(campaign: str, as_json: bool) -> None:
+    """Propose what to measure next.
+
+    From the model as it was fitted: which runs beside those of the campaign would shrink which interval, and by how much.
+    CAMPAIGN is a campaign of this project, or a findings.json or its folder. For mre.shear, tpjb.rotating and tire.bench.
+    """
+    from pipeline.cli import advising
+
+    advising.advise(campaign, as_json)
+
+
+@rigfit.command()
 @click.option("--go-on", is_flag=True, help="Exit 0 also where a campaign is rejected.")
 def index(go_on: bool) -> None:
     """Render the index over all campaigns.

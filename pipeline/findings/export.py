@@ -25,11 +25,13 @@ def as_csv(findings: Findings) -> str:
     keys = list(dict.fromkeys(key for p in findings.parameters for key in p.at))
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["name", *keys, "value", "std_error", "ci95_low", "ci95_high", "unit", "description"])
+    writer.writerow(["name", *keys, "value", "std_error", "type_b", "ci95_low", "ci95_high", "unit", "description"])
     for p in findings.parameters:
         low, high = p.ci95 or (None, None)
         at = [p.at.get(key, "") for key in keys]
-        writer.writerow([_cell(v) for v in (p.name, *at, p.value, p.std_error, low, high, p.unit, p.description)])
+        writer.writerow(
+            [_cell(v) for v in (p.name, *at, p.value, p.std_error, p.type_b, low, high, p.unit, p.description)]
+        )
     return out.getvalue()
 
 
