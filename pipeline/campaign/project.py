@@ -195,6 +195,7 @@ def recipe_template(experiment: Experiment, title: str) -> str:
         "",
         "# Left the rig's name, right what the logs call it. A log that uses the rig's names and declares its",
         '# units needs no entry. Example:  force: {channel: "Load cell", unit: kN, sign: -1}',
+        "# What a calibration leaves uncertain (k = 1) goes into every interval: gain_u: 0.5 %, offset_u: 2 N",
         "channels:",
         "#  time: {channel: Time, unit: s}        # or {rate: 5 kHz} where the logs have no time",
     ]

@@ -134,3 +134,38 @@ def test_outside_a_project_the_way_without_one_is_told(
     answer = rigfit("ingest", "wire")
     assert answer.status == 2
     assert "rigfit run" in answer.err
+
+
+def test_a_stated_calibration_stands_apart_in_findings_report_and_export(campaign: Path, rigfit: Call) -> None:
+    recipe = campaign / "recipes/wire.yaml"
+    recipe.write_text(recipe.read_text().replace("channels:\n", "channels:\n  force: {gain_u: 2 %}\n", 1))
+    for stage in ("ingest", "identify", "report"):
+        answer = rigfit(stage, "wire")
+        assert answer.status == 0, answer.err
+    findings = json.loads((campaign / "reports/wire/findings.json").read_text())
+    assert findings["calibration"] == {"force": {"gain_u": 0.02, "offset_u": 0.0}}
+    for parameter in findings["parameters"]:
+        assert parameter["type_b"] == pytest.approx(0.02 * parameter["value"], rel=1e-6)
+        assert parameter["std_error"] > parameter["type_b"]
+    page = (campaign / "reports/wire/report.html").read_text()
+    assert "force gain 2 %" in page
+    assert "gain of force 100 %" in page
+    assert rigfit("export", "wire", "--to", "csv").status == 0
+    assert "type_b" in (campaign / "reports/wire/export/wire.csv").read_text()
+
+
+def test_a_calibration_stated_later_reads_no_log_again(campaign: Path, rigfit: Call) -> None:
+    rigfit("ingest", "wire")
+    before = {path.name: path.stat().st_mtime_ns for path in (campaign / "recordings/wire").glob("*.parquet")}
+    recipe = campaign / "recipes/wire.yaml"
+    recipe.write_text(recipe.read_text().replace("channels:\n", "channels:\n  force: {offset_u: 0.1 N}\n", 1))
+    assert rigfit("ingest", "wire").status == 0
+    assert before == {path.name: path.stat().st_mtime_ns for path in (campaign / "recordings/wire").glob("*.parquet")}
+
+
+def test_a_rig_that_proposes_no_runs_says_who_does(campaign: Path, rigfit: Call) -> None:
+    for stage in ("ingest", "identify"):
+        rigfit(stage, "wire")
+    answer = rigfit("advise", "wire")
+    assert answer.status == 2
+    assert "spring.pull proposes no runs" in answer.err
