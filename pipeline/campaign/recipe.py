@@ -180,7 +180,9 @@ def _checked(written: RecipeFile, content: Any, path: str, experiment: Experimen
     except ValidationError as error:
         raise InputError(first_fault(error, content, path, experiment.settings, ("settings",))) from error
     channels = {
-        name: _channel_map(name, entry, experiment, where("channels", name)) for name, entry in written.channels.items()
+        name: mapped
+        for name, entry in written.channels.items()
+        if (mapped := _channel_map(name, entry, experiment, where("channels", name))) != ChannelMap()
     }
     calibration = {
         name: _calibration(name, entry, experiment, where("channels", name))
