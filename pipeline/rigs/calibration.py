@@ -27,6 +27,8 @@ BUDGET = "calibration_budget"
 
 _NORMAL95 = 1.959964
 _DRAWS = 40_000
+# By how much a measured operating point may move with the calibration.
+_MOVED = 0.1
 # Effects below this share of the standard error are none.
 _NOTHING = 1e-6
 # Share of the type B variance that the second order may have before the interval is drawn rather than computed.
@@ -166,41 +168,58 @@ def _identified(
 
 
 def _matched(parameters: Sequence[Parameter], others: Sequence[Parameter] | None) -> list[float | None]:
-    """Return for each parameter the value that the other identification gave it, None where it gave none.
+    """Return for each parameter the value that the other identification gives at the same operating point, or None.
 
-    An operating point that is measured moves with the calibration: those of one name and the same words are taken in
-    their order, and only where their number differs the nearest one.
+    Where that point is measured it moves with the calibration: between those of the same words a value is interpolated.
     """
     if others is None:
         return [None] * len(parameters)
     groups: dict[tuple[Any, ...], list[Parameter]] = {}
     for other in others:
         groups.setdefault(_kin(other), []).append(other)
-    members: dict[tuple[Any, ...], list[int]] = {}
-    for k, parameter in enumerate(parameters):
-        members.setdefault(_kin(parameter), []).append(k)
-    values: list[float | None] = [None] * len(parameters)
-    for kin, places in members.items():
-        same = groups.get(kin, [])
-        for n, k in enumerate(places):
-            twin = same[n] if len(same) == len(places) else _nearest(parameters[k], same)
-            values[k] = twin.value if twin is not None else None
-    return values
+    return [_value_at(p.at, groups.get(_kin(p), ())) for p in parameters]
 
 
 def _kin(parameter: Parameter) -> tuple[Any, ...]:
-    words = tuple(
-        (key, value if isinstance(value, str | bool) else None) for key, value in sorted(parameter.at.items())
-    )
+    words = tuple((k, v if isinstance(v, str | bool) else None) for k, v in sorted(parameter.at.items()))
     return (parameter.name, words)
 
 
-def _nearest(parameter: Parameter, others: Sequence[Parameter]) -> Parameter | None:
-    numbers = {key: float(v) for key, v in parameter.at.items() if not isinstance(v, str | bool)}
+def _value_at(at: Mapping[str, float | str | bool], others: Sequence[Parameter]) -> float | None:
     for other in others:
-        if all(math.isclose(float(other.at[key]), v, rel_tol=0.05, abs_tol=1e-9) for key, v in numbers.items()):
-            return other
-    return None
+        if other.at == at:
+            return other.value
+    near = [other for other in others if _near(at, other.at, others)]
+    if not near:
+        return None
+    moved = {key for other in near for key in at if other.at[key] != at[key]}
+    if len(moved) > 1:
+        return near[0].value
+    key = moved.pop()
+    points = {
+        float(o.at[key]): o.value
+        for o in others
+        if o.value is not None and all(o.at[other] == at[other] for other in at if other != key)
+    }
+    x, place = np.array(sorted(points)), float(at[key])
+    if x.size < 2 or not x[0] <= place <= x[-1]:
+        return near[0].value
+    from scipy.interpolate import PchipInterpolator
+
+    return float(PchipInterpolator(x, [points[one] for one in x])(place))
+
+
+def _near(
+    at: Mapping[str, float | str | bool], other: Mapping[str, float | str | bool], all_others: Sequence[Parameter]
+) -> bool:
+    """Tell whether all numbers of two operating points of the same words differ by no more than a calibration may."""
+    for key, value in at.items():
+        if isinstance(value, str | bool):
+            continue
+        size = max(abs(float(o.at[key])) for o in all_others)
+        if not math.isclose(value, float(other[key]), rel_tol=_MOVED, abs_tol=0.2 * _MOVED * size):
+            return False
+    return True
 
 
 class _Carried(NamedTuple):

@@ -106,3 +106,29 @@ def test_altered_channels_leave_the_others_and_the_blocks_alike() -> None:
     time, (force,) = next(iter(doubled.stream_of("force").blocks(["force"])))
     assert np.array_equal(force, doubled.values("force"))
     assert np.array_equal(time, recording.signal("force")[0])
+
+
+def test_an_operating_point_that_is_measured_is_told_where_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Force over measured extension, told at rounded extensions: a gain of the extension moves the points."""
+
+    def at_points(recordings, settings, context) -> Findings:
+        found = SPRING.identify(recordings, settings, context)
+        gain = float(np.abs(recordings[0].values("extension")).max()) / 0.02
+        told = found.parameters[0]
+        points = [
+            told.model_copy(
+                update={"at": {"extension": x * gain}, "value": 200.0 * x, "std_error": 1e-6, "ci95": (0, 99)}
+            )
+            for x in (0.0, 0.004, 0.008, 0.012, 0.016)
+        ]
+        return found.model_copy(update={"parameters": points})
+
+    experiment = replace(SPRING, identify=at_points)
+    monkeypatch.setattr(registry, "experiment", lambda _id: experiment)
+    found = identify_calibrated(
+        experiment, synthesize({}, 1), SpringSettings(), CONTEXT, {"extension": Calibration(gain_u=0.01)}
+    )
+    assert [p.type_b for p in found.parameters[1:4]] == pytest.approx(
+        [0.01 * 200.0 * x for x in (0.004, 0.008, 0.012)], rel=0.02
+    )
+    assert all(p.value is not None for p in found.parameters)
