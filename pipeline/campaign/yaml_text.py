@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ from pipeline.recording.storage import whole_or_not
 
 LARGEST = 1 << 18  # bytes
 DEEPEST = 20
+# What a value may be called; other tags ask for objects, and ruamel stumbles over some of them.
+_PLAIN_TAGS = re.compile(r"(!|!!|tag:yaml.org,2002:)(str|int|float|bool|null|map|seq|)")
 # Keys and values as written, and once every alias stands for what it repeats.
 MOST_VALUES = 10_000
 
@@ -65,6 +68,10 @@ def _refuse_shape(text: str, path: Path) -> None:
     """Refuse nesting and numbers of values that no recipe has; loading would recurse into them or take minutes."""
     depth = 0
     for count, event in enumerate(YAML(typ="rt").parse(text)):
+        if (tag := getattr(event, "tag", None)) and not _PLAIN_TAGS.fullmatch(str(tag)):
+            raise InputError(
+                f"{path} line {event.start_mark.line + 1}: the tag '{tag}' is no part of a recipe; write the plain value."
+            )
         if isinstance(event, CollectionStartEvent):
             depth += 1
         elif isinstance(event, CollectionEndEvent):

@@ -6,6 +6,7 @@ Knows compression, check sums and record heads; not what a message says.
 from __future__ import annotations
 
 import zlib
+from array import array
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -168,8 +169,7 @@ class Messages:
         """Walk over the records of the segments and list the messages."""
         data = parts[0][1] if len(parts) == 1 else b"".join([content for _, content in parts])
         unpack = RECORD_HEAD.unpack_from
-        starts: list[int] = []
-        lengths: list[int] = []
+        starts, lengths = array("q"), array("q")  # a chunk of nothing but heads holds millions
         add_start, add_length = starts.append, lengths.append
         begin = 0
         for segment, content in parts:

@@ -18,6 +18,7 @@ from pipeline.ingest.mcap_log.fields import Field, channel_name
 _UNIT_PREFIX = "unit."
 # Schemas may refer to themselves; level by level, so many nodes are looked at.
 _MOST_NODES = 5000
+_MOST_WAITING = 100_000
 _LONGEST_CHAIN = 32
 
 
@@ -67,11 +68,17 @@ def from_json_schema(text: bytes, metadata: Mapping[str, str]) -> Declared:
         low, high = node.get("minItems"), node.get("maxItems")
         if isinstance(low, int) and low == high and not in_list:
             declared.lengths.setdefault(path, low)
-        waiting.extend((member, (*path, key), in_list) for key, member in _mapping(node.get("properties")).items())
+        members = _mapping(node.get("properties"))
+        if len(waiting) + len(members) > _MOST_WAITING:
+            break
+        waiting.extend((member, (*path, key), in_list) for key, member in members.items())
         if "items" in node:
             waiting.append((node["items"], path, True))
         for choice in ("anyOf", "oneOf", "allOf"):
-            waiting.extend((member, path, in_list) for member in node.get(choice) or ())
+            others = node.get(choice)
+            waiting.extend(
+                (other, path, in_list) for other in (others if isinstance(others, list) else [])[:_MOST_NODES]
+            )
     return declared
 
 

@@ -7,6 +7,7 @@ is mapped up to the damage and, where its index survived, beyond it.
 from __future__ import annotations
 
 import os
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +23,7 @@ _RUN_BYTES = 1 << 20
 LARGEST_CHUNK = 256 << 20
 # Bodies read whole at the top level (schemas, metadata, indexes); a longer one is a lie.
 _LARGEST_BODY = 64 << 20
+_MOST_BAD = 100
 _KNOWN = range(records.HEADER, records.DATA_END + 1)
 _PRIVATE = 0x80
 _MESSAGE, _CHUNK = bytes((records.MESSAGE,)), bytes((records.CHUNK,))
@@ -87,9 +89,12 @@ class Layout:
                 channel = records.channel(body)
                 self.channels.setdefault(channel.id, channel)
         except MalformedError as error:
-            text = f"a {'schema' if opcode == records.SCHEMA else 'channel'} record is malformed: {error}"
-            if text not in self.bad_definitions:
-                self.bad_definitions.append(text)
+            self.note_bad(f"a {'schema' if opcode == records.SCHEMA else 'channel'} record is malformed: {error}")
+
+    def note_bad(self, text: str) -> None:
+        """Note a definition that cannot be used; of very many the first."""
+        if len(self.bad_definitions) < _MOST_BAD and text not in self.bad_definitions:
+            self.bad_definitions.append(text)
 
 
 class _Window:
@@ -145,6 +150,7 @@ def _check_magic(path: Path, found: bytes, size: int) -> None:
 
 def _walk(layout: Layout, window: _Window) -> None:
     at = len(records.MAGIC)
+    indexed: list[int] | None = None
     while at < layout.size:
         behind = _behind_messages(layout, window, at) or _within_large_chunk(window, at)
         if behind is not None:
@@ -165,7 +171,10 @@ def _walk(layout: Layout, window: _Window) -> None:
                 return
             continue
         cut = _cut_chunk(layout, window, at)
-        resume = next((chunk for chunk in _indexed_chunks(layout, window) if chunk > at), layout.size)
+        if indexed is None:
+            indexed = sorted(set(_indexed_chunks(layout, window)))
+        place = bisect_right(indexed, at)
+        resume = indexed[place] if place < len(indexed) else layout.size
         layout.damages.append(Damage(at, resume, reason))
         if cut is not None and resume == layout.size:
             layout.segments.append(cut)
@@ -252,7 +261,8 @@ def _take(layout: Layout, window: _Window, last: Segment | None, opcode: int, at
     elif opcode == records.MESSAGE_INDEX and last is not None and last.chunk is not None:
         channel_id, count = records.message_index(window.at(start, min(length, 6)) + bytes(6))
         if count:
-            last.counts = {**(last.counts or {}), channel_id: count}
+            last.counts = {} if last.counts is None else last.counts
+            last.counts[channel_id] = count
     elif opcode in (records.HEADER, records.METADATA, records.STATISTICS) and length <= _LARGEST_BODY:
         _take_said(layout, opcode, window.at(start, length), at)
 

@@ -161,6 +161,8 @@ def _prepare(topic: Topic, channel: Channel) -> None:
             topic.problem = f"its message encoding '{channel.encoding}'{with_schema} is not supported"
     except ModuleNotFoundError:
         topic.problem = "reading Protobuf needs a package more; install it with 'pip install mcap-protobuf-support'"
+    except RecursionError:
+        topic.problem = "its schema holds types within types without end"
     except DefinitionError as error:
         topic.problem = f"its schema '{schema.name if schema else ''}' cannot be understood: {error}"
 
@@ -178,7 +180,7 @@ def _look_at(topic: Topic, payloads: list[bytes], log_times: np.ndarray, publish
         return
     try:
         columns, good = topic.decode(payloads, None)
-    except TooManyFieldsError:
+    except (TooManyFieldsError, RecursionError):
         topic.problem = "its messages have thousands of different fields, or fields within fields without end"
         return
     read = len(payloads) if good is None else int(np.count_nonzero(good))

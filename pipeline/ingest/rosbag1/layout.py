@@ -110,7 +110,8 @@ class _Walk:
             self.bag(fields)
         elif kind == records.INDEX and self.layout.segments:
             count, last = records.number(fields, "count"), self.layout.segments[-1]
-            last.counts = {**(last.counts or {}), records.number(fields, "conn"): count}
+            last.counts = {} if last.counts is None else last.counts
+            last.counts[records.number(fields, "conn")] = count
         elif kind == records.CHUNK_INFO and (segment := self.begins.get(records.number(fields, "chunk_pos", 8))):
             self.dated(segment, fields)
         return start + length
@@ -175,7 +176,8 @@ class _Walk:
             self.layout.segments.append(last)
         last.length = last.size = end - last.offset
         conn = records.number(fields, "conn")
-        last.counts = {**(last.counts or {}), conn: (last.counts or {}).get(conn, 0) + 1}
+        last.counts = {} if last.counts is None else last.counts
+        last.counts[conn] = last.counts.get(conn, 0) + 1
 
     def dated(self, segment: Segment, fields: Fields) -> None:
         if segment.chunk is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from array import array
+
 import numpy as np
 
 from pipeline.ingest.mcap_log.batches import Batch, Messages
@@ -17,8 +19,7 @@ class BagMessages(Messages):
         """Walk over the records of the segments and list the messages."""
         data = parts[0][1] if len(parts) == 1 else b"".join([content for _, content in parts])
         length_at = records.LENGTH.unpack_from
-        heads: list[int] = []
-        starts: list[int] = []
+        heads, starts = array("q"), array("q")
         begin = 0
         for segment, content in parts:
             at, end = begin, begin + len(content)

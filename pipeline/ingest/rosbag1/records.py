@@ -47,9 +47,7 @@ def define(layout: Layout, fields: Fields, data: bytes) -> None:
     try:
         conn, about = number(fields, "conn"), {k: v.decode("utf-8", "replace") for k, v in fields_of(data).items()}
     except MalformedError as error:
-        text = f"a connection record is malformed: {error}"
-        if text not in layout.bad_definitions:
-            layout.bad_definitions.append(text)
+        layout.note_bad(f"a connection record is malformed: {error}")
         return
     topic = printable(fields.get("topic", b"").decode("utf-8", "replace"))
     definition = about.get("message_definition", "").encode()

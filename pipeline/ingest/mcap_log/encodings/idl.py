@@ -16,6 +16,7 @@ from pipeline.ingest.mcap_log.encodings.ros_types import (
     Text,
     Type,
     array_length,
+    extent,
 )
 from pipeline.ingest.mcap_log.encodings.ros_units import UNITS
 
@@ -24,8 +25,8 @@ _PRIMITIVES = {
     "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "float": "f4", "double": "f8", "short": "i2",
     "long": "i4", "long long": "i8", "unsigned short": "u2", "unsigned long": "u4", "unsigned long long": "u8",
 }  # fmt: skip
-_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'|[A-Za-z_]\w*|-?\d[\w.+-]*|::|[{}()\[\]<>;:,=@|&*/+-]')
-_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", flags=re.DOTALL)
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*+"?|\'[^\']*\'|[A-Za-z_]\w*|-?\d[\w.+-]*|::|[{}()\[\]<>;:,=@|&*/+-]')
+_COMMENT = re.compile(r"//[^\n]*|/\*")
 
 
 def parse_idl(name: str, text: str) -> Struct:
@@ -37,7 +38,7 @@ def parse_idl(name: str, text: str) -> Struct:
         If the text cannot be understood or lacks the struct.
     """
     lines = [line for line in text.splitlines() if not re.match(r"^(={3,}|IDL:.*|#.*)\s*$", line)]
-    parser = _Parser(_TOKEN.findall(_COMMENT.sub(" ", "\n".join(lines))))
+    parser = _Parser(_TOKEN.findall(_without_comments("\n".join(lines))))
     parser.definitions(())
     wanted = tuple(part for part in re.split(r"/|::", name) if part)
     for scope in (wanted, (wanted[0], "msg", wanted[-1])):
@@ -45,6 +46,16 @@ def parse_idl(name: str, text: str) -> Struct:
         if isinstance(found, Struct):
             return found
     raise DefinitionError(f"the struct '{name}' is not defined in its IDL")
+
+
+def _without_comments(text: str) -> str:
+    """Return IDL without its comments; one that does not end goes to the end. A regex would look for that end again and again."""
+    kept, at = [], 0
+    while match := _COMMENT.search(text, at):
+        kept.append(text[at : match.start()])
+        end = match.end() if match[0] != "/*" else text.find("*/", match.end()) + 2
+        at = len(text) if end < match.end() else end
+    return " ".join([*kept, text[at:]])
 
 
 class _Parser:
@@ -55,6 +66,7 @@ class _Parser:
         self.at = 0
         self.types: dict[tuple[str, ...], Type] = {}
         self.constants: dict[str, str] = {}
+        self.extents: dict[int, tuple[int, int]] = {}
 
     def next(self) -> str:
         if self.at >= len(self.tokens):
@@ -108,6 +120,7 @@ class _Parser:
             elif token == "typedef":
                 kind = self.type(scope)
                 name, kind = self.declarator(kind)
+                extent(kind, self.extents)
                 self.types[(*scope, name)] = kind
             elif token == "enum":
                 self.types[(*scope, self.next())] = Primitive("u4")
@@ -139,6 +152,7 @@ class _Parser:
             if not isinstance(base, Struct):
                 raise DefinitionError(f"the base of the struct '{name}' is no struct")
             result.members.extend(base.members)
+            extent(result, {**self.extents})
         if self.peek() == ";":
             return  # declared here, defined later
         self.expect("{")
@@ -153,6 +167,7 @@ class _Parser:
                 if self.next() == ";":
                     break
         self.expect("}")
+        extent(result, self.extents)
         self.types[(*scope, name)] = result
 
     def declarator(self, kind: Type) -> tuple[str, Type]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.ingest.mcap_log.columns import Columns, Path, columns_of
+from pipeline.ingest.mcap_log.columns import MOST_FIELDS, Columns, Path, TooManyFieldsError, columns_of
 from pipeline.ingest.mcap_log.encodings.ros_types import DefinitionError
 from pipeline.ingest.mcap_log.records import Schema
 
@@ -87,6 +87,8 @@ class ProtobufDecoder:
             elif field.has_presence:
                 kind = _OPTIONAL
             members.append((field.name, kind, None if of is None else self._type_of(of, here)))
+            if len(members) > MOST_FIELDS:
+                raise TooManyFieldsError
         return members
 
 

@@ -18,7 +18,8 @@ from pipeline.ingest.mcap_log.encodings.ros_types import Many, Primitive, Struct
 
 # Encapsulation kinds of CDR (OMG DDS-XTypes 1.3, table 60): plain CDR and plain CDR2.
 _CDR, _CDR2 = (0, 1), (6, 7)
-_MOST_PLACES = 1 << 20
+# Each field takes a byte or more, but for arrays of no elements.
+_MOST_EMPTY = 5000
 # Beyond so many layouts in a batch (free text), looking for others of the same costs more than it saves.
 _MOST_LAYOUTS = 64
 
@@ -93,7 +94,7 @@ class _Walk:
 
     def note(self, path: Path, kind: str, size: int, depth: int, start: int, count: int) -> None:
         self.places += 1
-        if self.places > _MOST_PLACES:
+        if self.places > len(self.message) + _MOST_EMPTY:
             raise MessageError("it holds too many fields")
         leaf = self.layout.leaves.setdefault(path, _Leaf(kind, size, depth))
         leaf.places.append((start, count))
@@ -122,10 +123,19 @@ class _Walk:
                 self.align(kind.of.size)
             self.note(path, kind.of.kind, kind.of.size, depth + 1, self.take(count * kind.of.size), count)
             return
-        if count > len(self.message) - self.at and not (isinstance(kind.of, Struct) and not kind.of.members):
+        if _is_nothing(kind.of, self.cdr):
+            return
+        if count > len(self.message) - self.at:
             raise MessageError(f"a list says that it has {count} elements, more than the message has bytes")
         for _ in range(count):
             self.go(kind.of, path, depth + 1)
+
+
+def _is_nothing(kind: Type, cdr: bool) -> bool:
+    """Tell whether a type takes no bytes, so that any number of it does not."""
+    if isinstance(kind, Many):
+        return kind.length == 0 or (kind.length is not None and _is_nothing(kind.of, cdr))
+    return not cdr and isinstance(kind, Struct) and all(_is_nothing(of, cdr) for _, of in kind.members)
 
 
 def _encapsulation(message: bytes) -> tuple[int, int, str]:

@@ -13,6 +13,8 @@ import numpy as np
 
 from pipeline.ingest.mcap_log.encodings.ros_units import UNITS
 
+TOO_LARGE = "its types hold each other thousands of times, or deeper than any message does"
+
 
 class DefinitionError(Exception):
     """A message definition that cannot be understood; the text tells why, as part of a sentence."""
@@ -60,6 +62,8 @@ COMMON = {
 }  # fmt: skip
 _FIELD = re.compile(r"^([\w/]+)(<=\d+)?(\[(?:<=)?\d*\])?\s+(\w+)(\s*=)?")
 _LONGEST_ARRAY = 1 << 16
+# A definition is small, but types that hold types twice each become very many.
+_MOST_MEMBERS, _DEEPEST = 5000, 40
 
 
 def parse_msg(name: str, text: str, ros: int) -> Struct:
@@ -94,12 +98,15 @@ class _Resolver:
         self.primitives = primitives
         self.ros = ros
         self.open: list[str] = []
+        self.count = 0
 
     def struct(self, name: str) -> Struct:
         if name in self.open:
             raise DefinitionError(f"the type '{name}' contains itself")
         if name not in self.bodies:
             return self.time(name)
+        if len(self.open) > _DEEPEST:
+            raise DefinitionError(TOO_LARGE)
         self.open.append(name)
         result = Struct(name, units=dict(UNITS.get(name, {})))
         for line in self.bodies[name].splitlines():
@@ -111,6 +118,9 @@ class _Resolver:
                 raise DefinitionError(f"{line[:80]!r} in the type '{name}' is no field")
             kind, _, many, member, constant = match.groups()
             if not constant:
+                self.count += 1
+                if self.count > _MOST_MEMBERS:
+                    raise DefinitionError(TOO_LARGE)
                 result.members.append((member, self.member(kind, many, name.split("/")[0])))
         self.open.pop()
         return result
@@ -147,10 +157,31 @@ class _Resolver:
 
 def array_length(text: str) -> int:
     """Return the length of a fixed array."""
-    length = int(text)
-    if length > _LONGEST_ARRAY:
-        raise DefinitionError(f"an array of {length} elements in every message is too long")
-    return length
+    if len(text) > len(str(_LONGEST_ARRAY)) or int(text) > _LONGEST_ARRAY:
+        raise DefinitionError(f"an array of {text[:20]} elements in every message is too long")
+    return int(text)
+
+
+def extent(kind: Type, known: dict[int, tuple[int, int]]) -> tuple[int, int]:
+    """Return how many types a type comes to with all that it holds, and how deep they lie.
+
+    `known` are those of structs by their identity; that of a new one is added.
+
+    Raises
+    ------
+    DefinitionError
+        If they are more, or deeper, than any message is.
+    """
+    if id(kind) in known:
+        return known[id(kind)]
+    inner = [of for _, of in kind.members] if isinstance(kind, Struct) else [kind.of] if isinstance(kind, Many) else []
+    found = [extent(of, known) for of in inner]
+    count, depth = 1 + sum(n for n, _ in found), 1 + max((deep for _, deep in found), default=0)
+    if count > _MOST_MEMBERS or depth > 2 * _DEEPEST:
+        raise DefinitionError(TOO_LARGE)
+    if isinstance(kind, Struct):
+        known[id(kind)] = (count, depth)
+    return count, depth
 
 
 def fixed_lengths(struct: Struct) -> dict[tuple[str, ...], int]:

@@ -1,0 +1,1 @@
+"""Fuzzing of everything that reads what people and machines hand in; see `__main__`."""
