@@ -201,12 +201,12 @@ def _value_at(at: Mapping[str, float | str | bool], others: Sequence[Parameter])
         for o in others
         if o.value is not None and all(o.at[other] == at[other] for other in at if other != key)
     }
-    x, place = np.array(sorted(points)), float(at[key])
-    if x.size < 2 or not x[0] <= place <= x[-1]:
+    if len(points) < 2:
         return near[0].value
+    x = np.array(sorted(points))
     from scipy.interpolate import PchipInterpolator
 
-    return float(PchipInterpolator(x, [points[one] for one in x])(place))
+    return float(PchipInterpolator(x, [points[one] for one in x])(float(at[key])))
 
 
 def _near(

@@ -128,7 +128,7 @@ def test_an_operating_point_that_is_measured_is_told_where_it_was(monkeypatch: p
     found = identify_calibrated(
         experiment, synthesize({}, 1), SpringSettings(), CONTEXT, {"extension": Calibration(gain_u=0.01)}
     )
-    assert [p.type_b for p in found.parameters[1:4]] == pytest.approx(
-        [0.01 * 200.0 * x for x in (0.004, 0.008, 0.012)], rel=0.02
+    assert [p.type_b for p in found.parameters] == pytest.approx(
+        [0.01 * 200.0 * x for x in (0.0, 0.004, 0.008, 0.012, 0.016)], rel=0.02
     )
     assert all(p.value is not None for p in found.parameters)
