@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from unstated_gains import unstated
 
 from pipeline.findings import Findings
 from pipeline.recording import Recording, Stream
@@ -21,7 +22,7 @@ NAMES = ("kxx", "kxy", "kyx", "kyy", "cxx", "cxy", "cyx", "cyy")
 
 def logs(seed: int = 1, **overrides: Any) -> list[Recording]:
     """One bearing at one load: an in-phase and an antiphase log."""
-    return synthesize({"bearings": ["4pad-L1"], **overrides}, seed)
+    return unstated(synthesize({"bearings": ["4pad-L1"], **overrides}, seed))
 
 
 def found_in(recordings: list[Recording], settings: Mapping[str, Any] | None = None, **uses: Findings) -> Findings:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from unstated_gains import unstated
 
 from pipeline.findings import Findings
 from pipeline.recording import Channel, Recording, Stream
@@ -22,7 +23,7 @@ Change = Callable[[np.ndarray], np.ndarray]
 
 def logs(*runs: str, seed: int = 1, **truth: object) -> list[Recording]:
     """Return synthetic logs of runs such as "A4"."""
-    return synthesize({"runs": list(runs), **truth}, seed)
+    return unstated(synthesize({"runs": list(runs), **truth}, seed))
 
 
 def changed(recording: Recording, **changes: Change | None) -> Recording:

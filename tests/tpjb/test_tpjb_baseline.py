@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dynamic_logs import changed, conditions, messages, without
+from unstated_gains import unstated
 
 from pipeline.errors import InputError
 from pipeline.findings import Findings
@@ -22,7 +23,7 @@ def found_in(recordings: list[Recording]) -> Findings:
 
 
 def logs(seed: int, **truth: Any) -> list[Recording]:
-    return synthesize(truth, seed)
+    return unstated(synthesize(truth, seed))
 
 
 def test_mass_and_stiffness_come_back_as_well_as_the_sheet_says_and_intervals_hold() -> None:

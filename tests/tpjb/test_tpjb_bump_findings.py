@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from unstated_gains import unstated
 
 from pipeline.errors import InputError
 from pipeline.findings import Findings
@@ -41,7 +42,7 @@ def scaled(recording: Recording, prefix: str, factor: float) -> Recording:
 
 
 def identified(truth: Mapping[str, Any] | None = None, change: Change | None = None, **settings: Any) -> Findings:
-    recordings = synthesize(truth or {}, 3)
+    recordings = unstated(synthesize(truth or {}, 3))
     recordings = [change(r) for r in recordings] if change else recordings
     return BUMP.identify(recordings, BumpSettings(**settings), Context("bump", {}))
 
@@ -101,7 +102,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
     for truth in ({}, {"bearing": "5pad", "noise_memory": 0.5}):
         true = true_values(truth)
         for seed in range(4):
-            found = BUMP.identify(synthesize(truth, 50 + seed), BumpSettings(), Context("bump", {}))
+            found = BUMP.identify(unstated(synthesize(truth, 50 + seed)), BumpSettings(), Context("bump", {}))
             for p in found.parameters:
                 value = true[p.name, float(p.at.get("plane", 0.0)), float(p.at.get("side", 0.0))]
                 assert p.ci95 is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from pipeline.rigs.tpjb.baseline.identify import identify as baseline
 from pipeline.rigs.tpjb.baseline.synthetic import synthesize as baseline_logs
 from pipeline.rigs.tpjb.dynamic.inertia import inertia_of
 from pipeline.rigs.tpjb.dynamic.synthetic import synthesize
+from pipeline.rigs.tpjb.gains import type_a
 
 SHAFT = truth.SHAFT_SPEED / (2 * np.pi)
 
@@ -124,19 +126,24 @@ def test_the_baseline_hands_over_mass_and_stiffness_with_their_errors() -> None:
     table = findings.arrays["coefficients"]
     by_inertia = table[table["name"] == "kxx"].set_index("frequency")["type_b_inertia"]
     given = inertia_of(runs, {"t0": first})
-    assert given.mass_error == first.one("stator_mass").std_error
+    assert given.mass_error == type_a(first.one("stator_mass"))
     # dK = w^2 s/d d(m - k/w^2), and the stator moves 1.2 times as much as it moves against the shaft.
     w = 2 * np.pi * 43
     assert by_inertia[43.0] == pytest.approx(1.2 * w**2 * given.error_at(np.array([w]))[0], rel=0.1)
     assert given.error_at(np.array([w]))[0] < given.mass_error  # mass and stiffness are known together
-    assert "by the stator inertia" in findings.one("kxx", synchronous=True).description
+    assert "by the stator's inertia" in findings.one("kxx", synchronous=True).description
 
 
-def test_gain_errors_are_told_apart_and_are_not_in_the_interval() -> None:
-    findings = found_in(logs(1))
-    p = findings.one("kxx", synchronous=True)
-    assert "±1.1 % by gains, all coefficients alike" in p.description
-    assert (p.std_error or 0) < 0.001 * (p.value or 0)
+def test_stated_gains_stand_in_the_interval_and_apart_as_type_b() -> None:
+    stated = [conditions(r, sensor_gain_u=0.01, force_gain_u=0.005) for r in logs(1)]
+    with_gains, alone = (found_in(runs).one("kxx", synchronous=True) for runs in (stated, logs(1)))
+    assert "±1.1 % (standard, type B) for the gain of the probes and load cells" in with_gains.description
+    assert "not stated and not in the interval" in alone.description
+    assert with_gains.type_b == pytest.approx(math.hypot(0.01, 0.005) * (with_gains.value or 0), rel=1e-9)
+    assert alone.type_b is None
+    assert type_a(with_gains) == pytest.approx(alone.std_error, rel=1e-6)
+    low, high = with_gains.ci95 or (0.0, 0.0)
+    assert (high - low) / 2 == pytest.approx(1.96 * (with_gains.std_error or 0), rel=1e-2)
 
 
 def test_tones_may_be_found_in_the_forces_and_need_no_common_cycle() -> None:

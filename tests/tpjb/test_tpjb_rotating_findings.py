@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from rotating_logs import coefficients, found, logs
+from unstated_gains import unstated
 
 from pipeline.errors import InputError
 from pipeline.findings import Findings
@@ -23,12 +24,12 @@ FIVE = [(48e3, "5pad-L3", "M6", 1e-3, 0.1341), (80e3, "5pad-L2", "M2", 5e-3, Non
 
 @pytest.fixture(scope="module", params=[1, 4])
 def four(request: pytest.FixtureRequest) -> Findings:
-    return found(synthesize({"campaign": "4pad"}, request.param))
+    return found(unstated(synthesize({"campaign": "4pad"}, request.param)))
 
 
 @pytest.fixture(scope="module", params=[1, 5])
 def five(request: pytest.FixtureRequest) -> Findings:
-    return found(synthesize({"campaign": "5pad"}, request.param))
+    return found(unstated(synthesize({"campaign": "5pad"}, request.param)))
 
 
 def accepted(
@@ -115,7 +116,7 @@ def test_report_has_every_chapter_and_draws_every_run(four):
 
 
 def test_exponential_pads_are_flagged_and_no_coefficient_is_given():
-    findings = found(synthesize({"campaign": "pads"}, 8))
+    findings = found(unstated(synthesize({"campaign": "pads"}, 8)))
     assert findings.verdict == "warning"
     assert any("quadratic law is not enough" in reason for reason in findings.reasons)
     for parameter in [*findings.find("kxx"), *findings.find("kyy2"), *findings.find("linear_limit")]:
@@ -126,7 +127,7 @@ def test_exponential_pads_are_flagged_and_no_coefficient_is_given():
 @pytest.mark.thorough
 def test_lower_ratios_give_the_coefficients_where_no_law_holds_for_all():
     low = {"name": "low", "bearing": "4pad-L1", "ratio": 0.05, "law": "pads"}
-    findings = found(synthesize({"runs": ["A8", low]}, 1))
+    findings = found(unstated(synthesize({"runs": ["A8", low]}, 1)))
     kxx = findings.one("kxx")
     assert findings.verdict == "warning"
     assert abs(kxx.value - 0.6e9) < 3.3 * kxx.std_error

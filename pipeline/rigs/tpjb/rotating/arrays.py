@@ -12,11 +12,11 @@ import pandas as pd
 from pipeline.rigs.tpjb.rotating.clearance import Clearance
 from pipeline.rigs.tpjb.rotating.consistency import Consistency
 from pipeline.rigs.tpjb.rotating.group import LoadGroup, model_orbit
-from pipeline.rigs.tpjb.rotating.harmonics import circularity, openness
+from pipeline.rigs.tpjb.rotating.harmonics import amplitude, circularity, openness
 from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
 from pipeline.rigs.tpjb.rotating.linear_limit import model_distortion
 from pipeline.rigs.tpjb.rotating.model_fit import LawFit, ModelFit
-from pipeline.rigs.tpjb.rotating.parameters import axis_sigma, candidate_of, clearance_of
+from pipeline.rigs.tpjb.rotating.parameters import candidate_of, clearance_of
 from pipeline.rigs.tpjb.rotating.turns import Turns
 
 _ORDERS = np.arange(0.1, 8.01, 0.1)
@@ -235,8 +235,8 @@ def _limit(group: LoadGroup) -> pd.DataFrame:
     assert group.static_load is not None
     largest = max(turns.record.rotation.size for turns in group.runs) / group.static_load
     ratios = np.linspace(0.005, max(1.1 * largest, 0.2), 80)
-    thd, amplitude = model_distortion(group.selected.p, ratios * group.static_load)
-    return pd.DataFrame({"group": group.label, "ratio": ratios, "thd": thd, "displacement": amplitude})
+    thd, first = model_distortion(group.selected.p, ratios * group.static_load)
+    return pd.DataFrame({"group": group.label, "ratio": ratios, "thd": thd, "displacement": first})
 
 
 def _harmonics(turns: Turns) -> pd.DataFrame:
@@ -261,9 +261,9 @@ def _axis_harmonics(turns: Turns) -> pd.DataFrame:
     assert turns.load is not None
     rows = []
     for order in range(1, 7):
-        sigma = axis_sigma(turns, order)
-        for signal, phasor in (("x", turns.motion.x), ("y", turns.motion.y)):
-            rows.append((turns.run, signal, order, abs(phasor[order - 1]), sigma))
+        for signal in ("x", "y"):
+            found = amplitude(turns.motion, turns.noise, signal, order)
+            rows.append((turns.run, signal, order, found.value, found.std_error))
         load = math.hypot(abs(turns.load.x[order - 1]), abs(turns.load.y[order - 1])) / math.sqrt(2.0)
         own = math.hypot(turns.load.sigma_at(order), turns.load.sigma_at(-order)) / math.sqrt(2.0)
         rows.append((turns.run, "load", order, load, own))
@@ -279,13 +279,13 @@ def _spectrum(turns: Turns) -> pd.DataFrame:
     time = steady.time[whole]
     # A Hann window: the skirts of the 1X would hide the other harmonics.
     turning = np.exp(-2j * np.pi * frequency * np.multiply.outer(_ORDERS, time - time[0])) * np.hanning(time.size)
-    amplitude = {}
+    sizes = {}
     for name, found, vector in (("d", turns.motion, steady.displacement), ("f", turns.load, steady.force)):
         tau = 2.0 * (steady.time - steady.time[0]) / (steady.time[-1] - steady.time[0]) - 1.0
         slow = found.offset + found.drift[0] * tau + found.drift[1] * (tau**2 - 1.0 / 3.0)
         rest = (vector - np.stack([slow.real, slow.imag]))[:, whole]
-        amplitude[name] = 2.0 * np.abs(rest @ turning.T) / np.hanning(time.size).sum()
-    signals = {"x": amplitude["d"][0], "y": amplitude["d"][1], "load": np.sqrt((amplitude["f"] ** 2).mean(axis=0))}
+        sizes[name] = 2.0 * np.abs(rest @ turning.T) / np.hanning(time.size).sum()
+    signals = {"x": sizes["d"][0], "y": sizes["d"][1], "load": np.sqrt((sizes["f"] ** 2).mean(axis=0))}
     return pd.concat(
         [pd.DataFrame({"run": turns.run, "signal": s, "order": _ORDERS, "amplitude": a}) for s, a in signals.items()],
         ignore_index=True,

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.estimation.uncertainty import t_quantile
 
 ORDERS = 6
 # A 2X orbit is open above this difference of its two circles, if it is also 3 sigma.
@@ -129,7 +130,7 @@ def harmonics(time: np.ndarray, signal: np.ndarray, frequency: float, orders: in
         float(frequency),
         k,
         np.r_[backward[::-1], forward],
-        _sigma_near(time, z, frequency, k),
+        sigma_near(time, z, frequency, k),
         complex(solution[0, 0], solution[0, 1]),
         solution[1:3, 0] + 1j * solution[1:3, 1],
         phasor[:, 0],
@@ -149,20 +150,65 @@ def _columns(time: np.ndarray, frequency: float, orders: int) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def _sigma_near(time: np.ndarray, z: np.ndarray, frequency: float, k: np.ndarray) -> np.ndarray:
-    """Return the noise of each Z_k from the residual's two-sided spectrum half an order to both sides.
+def sigma_near(time: np.ndarray, z: np.ndarray, frequency: float, k: np.ndarray) -> np.ndarray:
+    """Return the noise of each Z_k from the residual's two-sided spectrum half an order to both sides, shape of `k`.
 
     The fit itself takes the noise at the line away, so its neighbours at distances of 1/T tell it, which
     the fit leaves alone; a white residual gives (sx^2 + sy^2)/n for E|dZ|^2.
     """
-    duration = time.size * float(np.median(np.diff(time)))
-    beside = np.arange(1.0, max(0.5 * abs(frequency) * duration, 2.1)) / (duration * frequency)
+    beside = _beside(time, frequency)
     sigma = np.empty(k.size)
     for i, order in enumerate(k):
         at = np.r_[order - beside, order + beside]
         lines = np.exp(-2j * np.pi * frequency * np.multiply.outer(at, time - time[0])) @ z / z.size
         sigma[i] = np.sqrt(np.mean(np.abs(lines) ** 2))
     return sigma
+
+
+def _beside(time: np.ndarray, frequency: float) -> np.ndarray:
+    """Return how far the lines lie from an order that tell its noise, in orders."""
+    duration = time.size * float(np.median(np.diff(time)))
+    return np.arange(1.0, max(0.5 * abs(frequency) * duration, 2.1)) / (duration * frequency)
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """Amplitude along one axis with the standard error of its phasor's components and the 95 % interval."""
+
+    value: float
+    std_error: float
+    ci95: tuple[float, float]
+
+
+def amplitude(motion: Harmonics, residual: np.ndarray, axis: str, order: int) -> Amplitude:
+    """Return the amplitude of an order along "x" or "y" with its error by the noise of the sensors.
+
+    What the load's unrest moves is motion, no noise. An amplitude has no sign: near zero its interval is that
+    of a Rice distribution.
+
+    Parameters
+    ----------
+    residual
+        Noise of the displacement at the stamps of `motion`, shape (2, n), m.
+    """
+    value = float(abs((motion.x if axis == "x" else motion.y)[order - 1]))
+    z = (residual[0] if axis == "x" else residual[1]) + 0j
+    # x_k = Z_k + conj Z_-k = 2 Z_k of a real signal; half of its power lies along the phasor.
+    error = math.sqrt(2.0) * float(sigma_near(motion.time, z, motion.frequency, np.array([order]))[0])
+    dof = 4.0 * _beside(motion.time, motion.frequency).size
+    return Amplitude(value, error, _rice(value, error * t_quantile(dof) / t_quantile(math.inf)))
+
+
+def _rice(value: float, sigma: float) -> tuple[float, float]:
+    """Return the 95 % interval of an amplitude of which value^2/sigma^2 is noncentral chi-square with two degrees of freedom."""
+    from scipy.special import chndtr, chndtrinc
+
+    if not sigma > 0 or value > 20.0 * sigma:
+        return max(value - t_quantile(math.inf) * sigma, 0.0), value + t_quantile(math.inf) * sigma
+    power = (value / sigma) ** 2
+    low = float(chndtrinc(power, 2, 0.975)) if chndtr(power, 2, 0.0) > 0.975 else 0.0
+    high = float(chndtrinc(power, 2, 0.025)) if chndtr(power, 2, 0.0) > 0.025 else 0.0
+    return sigma * math.sqrt(low), sigma * math.sqrt(high)
 
 
 def openness(h: Harmonics, order: int = 2) -> tuple[float, float, bool]:

@@ -13,6 +13,7 @@ from pipeline.findings.findings import OperatingPoint
 from pipeline.rigs.tpjb.gains import gains_of, with_type_b
 from pipeline.rigs.tpjb.rotating.declaration import PARAMETERS
 from pipeline.rigs.tpjb.rotating.group import LoadGroup
+from pipeline.rigs.tpjb.rotating.harmonics import amplitude
 from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
 from pipeline.rigs.tpjb.rotating.model_fit import LawFit
 from pipeline.rigs.tpjb.rotating.turns import Turns
@@ -179,18 +180,12 @@ def _harmonics(turns: Turns, refused: str) -> list[Parameter]:
             if turns.motion is None or refused:
                 found.append(parameter(Estimate(name, None, reason=refused or turns.refusal), at))
                 continue
-            amplitude = abs((turns.motion.x if axis == "x" else turns.motion.y)[order - 1])
-            own = estimate(name, amplitude, axis_sigma(turns, order))
-            told = _calibrated(parameter(own, at, "", _HARMONICS), turns)
+            own = amplitude(turns.motion, turns.noise, axis, order)
+            estimated = Estimate(name, own.value, own.std_error, own.ci95)
+            told = _calibrated(parameter(estimated, at, "", _HARMONICS), turns)
             low, high = told.ci95 or (0.0, 0.0)
             found.append(told.model_copy(update={"ci95": (max(low, 0.0), high)}))
     return found
-
-
-def axis_sigma(turns: Turns, order: int) -> float:
-    """Return the standard error of an amplitude along one axis, m: x_k = Z_k + conj Z_-k, half of it along the phasor."""
-    assert turns.motion is not None
-    return math.hypot(turns.motion.sigma_at(order), turns.motion.sigma_at(-order)) / math.sqrt(2.0)
 
 
 def models_of(groups: Sequence[LoadGroup], main: LoadGroup | None) -> list[ModelResult]:

@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
 from pipeline.rigs.tpjb.rotating.harmonics import Harmonics, harmonics
+from pipeline.rigs.tpjb.rotating.noise import orbit_noise
 from pipeline.rigs.tpjb.rotating.orbit import Orbit
 from pipeline.rigs.tpjb.rotating.record import Record
 
@@ -38,6 +39,13 @@ class Turns:
     def steady(self) -> Orbit:
         """The turns at full load."""
         return self.record.orbit.part(self.record.rotation.steady)
+
+    @cached_property
+    def noise(self) -> np.ndarray:
+        """What no smooth function of the force explains of the motion in the steady turns, shape (2, n), m."""
+        found = orbit_noise(self.record.orbit)
+        spent = math.sqrt(self.record.orbit.time.size / found.dof)
+        return np.asarray(spent * found.residual[:, self.record.rotation.steady])
 
     @property
     def amplitude(self) -> float:
