@@ -110,7 +110,9 @@ def record_of(recording: Recording, settle: float) -> Record:
     holds, swept = _holds(time, current, stairs, say)
     waits = np.array([0.0 if swept else min(settle, 0.5 * hold.duration) for hold in holds])
     windows = [(hold.start + wait, hold.stop) for hold, wait in zip(holds, waits, strict=True)]
-    level = np.array([hold.level for hold in holds])
+    currents = means_of(time, current, windows)
+    # Of the samples that count, as force and field: the first of a hold still come from the level before.
+    level = np.where(np.isfinite(currents.mean), currents.mean, [hold.level for hold in holds])
     samples = {}
     channels = {}
     for name in ("force_axial", "flux_density", "displacement_axial", "voltage", "temperature"):

@@ -16,7 +16,8 @@ from pipeline.rigs.mre.shear.labels import say_labels
 from pipeline.rigs.mre.shear.operating import Held
 from pipeline.rigs.mre.shear.sampling import say_coarse
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
-from pipeline.rigs.mre.shear.trend import gains_of_fit, say_changes, say_trend
+from pipeline.rigs.mre.shear.systematic import droop_suspected
+from pipeline.rigs.mre.shear.trend import Trend, gains_of_fit, say_changes, say_trend
 from pipeline.rigs.mre.shear.unsteady import LAG_SAID, say_unsteady
 from pipeline.rigs.over_runs import MANY
 
@@ -32,7 +33,6 @@ _LARGE_SCATTER = 0.012
 def say_faults(runs: SortedRuns) -> list[str]:
     """Add what the loops alone show to the quality of `runs`; return what casts doubt on the numbers."""
     doubts = [
-        _modulus(runs),
         *say_labels(runs),
         say_coarse(runs),
         *say_unsteady(runs),
@@ -45,17 +45,17 @@ def say_faults(runs: SortedRuns) -> list[str]:
     return [doubt for doubt in doubts if doubt]
 
 
-def say_faults_of_fit(runs: SortedRuns, fit: DynamicFit) -> tuple[list[str], list[str]]:
+def say_faults_of_fit(runs: SortedRuns, fit: DynamicFit, trend: Trend | None) -> tuple[list[str], list[str]]:
     """Add what a fit shows; return what casts doubt on the numbers, and what else is to be told.
 
-    A rejected fit shows no more than a trend.
+    A rejected fit shows no more than a `trend`.
     """
     many = len(fit.loops) > MANY
     if fit.rejected:
-        trend = "" if many else say_trend(runs, fit)
-        return ([trend] if trend else []), []
+        told = say_trend(runs, trend)
+        return ([told] if told else []), []
     found = gains_of_fit(runs, fit) if many else None
-    changes = say_changes(runs, found) if found is not None else [say_trend(runs, fit)]
+    changes = say_changes(runs, found) if found is not None else [say_trend(runs, trend)]
     scatter = fit.run_scatter if found is None else found.course.scatter
     doubts = [_lag(runs, fit), _mass(fit), *changes]
     if many or not any(changes):
@@ -105,38 +105,40 @@ def _lag(runs: SortedRuns, fit: DynamicFit) -> str:
         "it. Calibrate it with a rigid link in place of the pads.",
         "force",
     )
-    k1 = next((e for e in fit.estimates if e.name == "k1" and e.std_error is not None), None)
+    if not droop_suspected(fit):
+        return ""
     quick = max(fit.loops, key=lambda loop: loop.frequency)
     droop = 0.5 * (quick.omega * lag.value) ** 2
     off = droop * abs(quick.F[0] / quick.X[0])
-    if k1 is None or off < 2 * (k1.std_error or 0.0):
-        return ""
     return (
         f"That the force is {abs(lag.value) * 1e6:.0f} us {late} is taken for a shift of the clocks. If it is that of a filter "
         f"of the {filtered} (conditioner, anti-alias), stiffness at {quick.frequency:.3g} Hz is off by {100 * droop:.2g} %, {off:.2g} N/m, which is more than the error of "
-        "k1: calibrate it with a rigid link and set 'force_lag'."
+        "k1: the intervals hold that. Calibrate it with a rigid link and set 'force_lag'."
     )
 
 
-def _modulus(runs: SortedRuns) -> str:
-    """Doubt loops whose mean shear modulus no elastomer has: a wrong unit."""
+def say_units(runs: SortedRuns) -> tuple[str, bool]:
+    """Say where the loops mean a shear modulus that no elastomer has; tell whether a factor 1000 explains it.
+
+    Then the unit is wrong, and with it every number of the campaign.
+    """
     moduli = [
         abs(u.loop.F[0] / u.loop.X[0]) * u.pads.modulus_per_stiffness
         for u in runs.loops
         if u.loop is not None and u.pads is not None
     ]
     if not moduli or MODULUS_RANGE[0] <= (middle := float(np.median(moduli))) <= MODULUS_RANGE[1]:
-        return ""
+        return "", False
     low = middle < MODULUS_RANGE[0]
     likely = "displacement looks like mm taken as m, or force like kN taken as N" if low else (
         "displacement looks like m taken as mm, or force like N taken as kN"
     )  # fmt: skip
-    doubt = (
+    told = (
         f"The loops mean a shear modulus of {middle / 1e6:.2g} MPa, and elastomers have {MODULUS_RANGE[0] / 1e6:g} to "
         f"{MODULUS_RANGE[1] / 1e6:g} MPa: {likely} (factor 1000), or the pad size has a wrong unit."
     )
-    runs.say("warning", None, doubt, "displacement")
-    return doubt
+    runs.say("warning", None, told, "displacement")
+    return told, MODULUS_RANGE[0] <= middle * (1e3 if low else 1e-3) <= MODULUS_RANGE[1]
 
 
 def say_varying(held: Sequence[Held], runs: SortedRuns) -> str:

@@ -20,7 +20,7 @@ from pipeline.rigs.mre.model.variants import DECISIVE, undecided
 from pipeline.rigs.mre.pads import group_levels
 from pipeline.rigs.mre.shear.arrays import arrays_of
 from pipeline.rigs.mre.shear.declaration import ShearSettings
-from pipeline.rigs.mre.shear.faults import mains_instead, say_faults, say_faults_of_fit
+from pipeline.rigs.mre.shear.faults import mains_instead, say_faults, say_faults_of_fit, say_units
 from pipeline.rigs.mre.shear.odd_among_many import odd_among, spells
 from pipeline.rigs.mre.shear.odd_causes import told_causes
 from pipeline.rigs.mre.shear.odd_runs import set_odd_runs_aside
@@ -38,7 +38,8 @@ from pipeline.rigs.mre.shear.published import published
 from pipeline.rigs.mre.shear.records import RecordFits, fit_all_records
 from pipeline.rigs.mre.shear.runs import sort_runs
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
-from pipeline.rigs.mre.shear.trend import order_of
+from pipeline.rigs.mre.shear.systematic import with_systematic
+from pipeline.rigs.mre.shear.trend import order_of, trend_of
 from pipeline.rigs.mre.shear.unsteady import say_faults_of_records
 from pipeline.rigs.mre.shear.untared_mass import weigh_mass
 from pipeline.rigs.mre.shear.verdict import judge
@@ -63,7 +64,8 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
             raise InputError(nothing_usable(runs.left_out, recordings))
         runs.loops = runs.faulty
     options = _options(settings, runs.held)
-    doubts = say_faults(runs)
+    unit, wrong_unit = say_units(runs)
+    doubts = [*([unit] if unit and not wrong_unit else []), *say_faults(runs)]
     outcome = _Dynamic() if condemned else _dynamic(runs, options, settings)
     dynamic, fit = outcome.found, outcome.found.selected if outcome.found else None
     without = leave_one_out(fit, options) if fit is not None and len(fit.loops) > 1 else None
@@ -72,18 +74,21 @@ def identify(recordings: Sequence[Recording], settings: ShearSettings, context: 
     if runs.loops and runs.records:
         for usable in list(runs.records):
             runs.set_aside(usable.run, f"no steady cycles ({usable.excitation.reason}), which the other runs have")
-    of_fit, remarks = say_faults_of_fit(runs, fit) if fit is not None else ([], [])
+    trend = trend_of(runs, fit) if fit is not None else None
+    of_fit, remarks = say_faults_of_fit(runs, fit, trend) if fit is not None else ([], [])
     doubts += of_fit
     doubts += say_faults_of_records(runs, records.fits)
     doubts += _undecided(dynamic) if dynamic is not None else []
     doubts += outcome.doubts
-    judgement = judge(runs, fit, records.fits, doubts, remarks, condemned)
+    judgement = judge(runs, fit, records.fits, doubts, remarks, condemned, unit if wrong_unit else "")
     labels = Labels.of(runs.held, fit)
     parameters = [
         *parameters_of(fit, records.fits, preloads, labels),
         *loop_parameters(runs, fit),
         *linear_parameters(runs, records.linear),
     ]
+    if fit is not None and not fit.rejected:
+        parameters = with_systematic(parameters, fit, options, trend, labels)
     return Findings(
         campaign=context.campaign,
         experiment="mre.shear",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions
 from pipeline.rigs.mre.shear.linearised import Linearised
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns, UsableRun
-from pipeline.rigs.over_runs import OverRuns, over_runs
+from pipeline.rigs.over_runs import MANY, OverRuns, over_runs
 
 _FEWEST = 6
 # A trend is told that chance brings about in less than this share of campaigns, and only from this size on.
@@ -24,24 +25,39 @@ _DRIFT = "Heating, Mullins effect or relaxation: bracket the campaign with repea
 _STEP = "Something was different then: clamping, load cell, temperature."
 
 
-def say_trend(runs: SortedRuns, fit: DynamicFit) -> str:
-    """Say by how much the force changes from the first to the last run of `fit`; an empty text for no trend."""
+@dataclass(frozen=True)
+class Trend:
+    """Relative change of the force from the first to the last run, its standard error, the scatter beside it, what tells the order."""
+
+    total: float
+    std_error: float
+    scatter: float
+    order: str
+
+
+def trend_of(runs: SortedRuns, fit: DynamicFit) -> Trend | None:
+    """Return the trend of the force over the runs of `fit`; None where there is none, or too few runs to tell."""
     by_name = {usable.run: usable for usable in runs.loops}
     used = [by_name[loop.run] for loop in fit.loops if loop.run in by_name]
-    if len(used) < _FEWEST or len(used) < len(fit.loops):
-        return ""
+    if not _FEWEST <= len(used) <= MANY or len(used) < len(fit.loops):
+        return None
     place, order = order_of(used)
     if len(set(place)) < _FEWEST:
-        return ""
+        return None
     # An untared mass changes the force with frequency, in which order runs are often made: it is not taken for a trend.
     test = Linearised(fit, FitOptions().scatter_cap, mass=True).test_trend(place - place.mean())
     total, sd = (float(part[0] * np.ptp(place)) for part in (test.coefficients, test.std_error))
-    if not (test.chance < _CHANCE and abs(total) > _LEAST):
+    return Trend(total, sd, test.scatter, order) if test.chance < _CHANCE and abs(total) > _LEAST else None
+
+
+def say_trend(runs: SortedRuns, trend: Trend | None) -> str:
+    """Say by how much the force changes from the first to the last run; an empty text for no trend."""
+    if trend is None:
         return ""
     doubt = (
-        f"Stiffness changes by {100 * total:+.1f} +- {100 * sd:.1g} % from the first to the last run ({order}; {100 * test.scatter:.2g} % of scatter "
-        "is left beside that trend): heating, Mullins effect or relaxation. Bracket the campaign with repeated runs at 0 A; "
-        "intervals do not hold this trend."
+        f"Stiffness changes by {100 * trend.total:+.1f} +- {100 * trend.std_error:.1g} % from the first to the last run ({trend.order}; "
+        f"{100 * trend.scatter:.2g} % of scatter is left beside that trend): heating, Mullins effect or relaxation. Bracket the campaign "
+        "with repeated runs at 0 A; intervals of the model's parameters hold half of it."
     )
     runs.say("warning", None, doubt, "force")
     return doubt

@@ -2,7 +2,7 @@
 
 rejected  the dynamic model is contradicted by the data (chi2 per degree of freedom above 2 with the
           largest admissible run scatter, an impossible sign, or a prediction that misses a fifth of the
-          force), or every run is unfit. Loop metrics of the runs stand all the same.
+          force), every run is unfit, or a unit is surely wrong. Loop metrics of the runs stand all the same.
 warning   something is not determined, one run only, half cycles only, a run left out, a parameter at a
           bound, or a doubt: wrong units, labels that the channels contradict, sliding, an axial load or
           field that is not as set, an untared mass, a large scatter or a trend from run to run.
@@ -36,9 +36,15 @@ def judge(
     doubts: list[str],
     remarks: list[str],
     condemned: bool,
+    wrong_unit: str = "",
 ) -> Judgement:
-    """Weigh what was found; `remarks` are told and weigh nothing; `condemned` data are shown, and nothing else."""
+    """Weigh what was found; `remarks` are told and weigh nothing; `condemned` data are shown, and nothing else.
+
+    `wrong_unit` says why a unit is surely wrong, empty where none is.
+    """
     said = Judgement()
+    if wrong_unit:
+        said.reject(f"{wrong_unit} All numbers are off by it: give the unit in the recipe or in the log.")
     if condemned:
         said.reject(
             "No run is fit for identification; the loops are shown as evidence, their numbers are not to be used."

@@ -32,7 +32,7 @@ _SURE_DRIFT, _LEAST_DRIFT = 8.0, 5e-3  # standard errors; of the largest step
 class LagFit:
     """The fit of one log. `values` holds L, ln_tau1 (and ln_tau2, the smaller) by direction, as ``"rise.L"``; `names` their order in `q` and `covariance`.
 
-    `drift` is what the force drifts over the log beside creep, N, where that was fitted along. `profiles` holds the intervals of L and
+    `drift` is what the force drifts over the log beside creep, N, where that was fitted along. `profiles` holds the values and intervals of L and
     ln_tau1 with a second lag admitted, for directions in which none was told.
     """
 
@@ -48,7 +48,7 @@ class LagFit:
     effective: float
     at_bound: frozenset[str]
     drift: float
-    profiles: Mapping[str, ProfileInterval]
+    profiles: Mapping[str, tuple[float, ProfileInterval]]
 
     @property
     def values(self) -> dict[str, float]:
@@ -130,7 +130,7 @@ def fit_lags(record: Record) -> Found:
     problem = Problem(record, lags, Rows.all_of(record, kept), drifts)
     found = _result(problem, _best(problem, [dict(zip(problem.names, rough.q.tolist(), strict=True))]), kept)
     scale = found.sigma**2 * max(int(kept.sum()) / effective, 1.0)
-    profiles: dict[str, ProfileInterval] = {}
+    profiles: dict[str, tuple[float, ProfileInterval]] = {}
     for direction in present:
         resolved = any(step.spread == 0 or record.stairs.is_set_point for step in record.of(direction))
         if lags[direction] == 1 and resolved:
@@ -162,8 +162,8 @@ def _needed(problem: Problem, fit: SeparableFit) -> bool:
 
 def _profiles(
     problem: Problem, direction: str, start: Mapping[str, float], scale: float, chosen: LagFit
-) -> dict[str, ProfileInterval]:
-    """Return the intervals of L and ln_tau1 of a direction with a second lag admitted, on thinned rows."""
+) -> dict[str, tuple[float, ProfileInterval]]:
+    """Return the values and intervals of L and ln_tau1 of a direction with a second lag admitted, on thinned rows."""
     best = _best(problem, [start])
     names = dict(zip(problem.names, best.q.tolist(), strict=True))
     first, second = f"{direction}.ln_tau1", f"{direction}.ln_tau2"
@@ -183,9 +183,10 @@ def _profiles(
             return fit.chi2
 
         least = min(best.chi2, misfit(names[name]))
-        found[name] = profile_interval(
+        interval = profile_interval(
             misfit, names[name], least, max(error, guess), dof=chosen.covariance.dof, scale=scale, reach=40.0
         )
+        found[name] = (names[name], interval)
     return found
 
 

@@ -119,18 +119,23 @@ def coarse(fit: LagFit) -> float:
 
 
 def _with_profile(
-    told: Estimate, profile: ProfileInterval | None, shift: float = 0.0, *, logarithmic: bool = False
+    told: Estimate,
+    profile: tuple[float, ProfileInterval] | None,
+    shift: float = 0.0,
+    *,
+    logarithmic: bool = False,
 ) -> Estimate:
-    """Widen an interval to what a second lag that cannot be told would allow."""
+    """Take value and interval as a second lag that cannot be told admits them: without it both hold a part of that lag."""
     if profile is None or told.value is None or told.ci95 is None:
         return told
-    low, high = (_exp(v) if logarithmic else v + shift for v in (profile.low, profile.high))
+    best, interval = profile
+    value, low, high = (_exp(v) if logarithmic else v + shift for v in (best, interval.low, interval.high))
     low, high = min(low, told.ci95[0]), max(high, told.ci95[1])
     if not math.isfinite(low) or not math.isfinite(high) or (logarithmic and high > 10 * low):
         return undetermined(told.name, "a second lag that cannot be told from it leaves it open", told.at)
-    reason = "the interval allows for a second lag that is not separable"
+    reason = "value and interval allow for a second lag that is not separable"
     error = max((high - low) / 4, told.std_error or 0.0)
-    return Estimate(told.name, told.value, error, (low, high), told.at, reason, told.dof)
+    return Estimate(told.name, value, error, (low, high), told.at, reason, told.dof)
 
 
 def _hidden(hidden: float) -> str:
