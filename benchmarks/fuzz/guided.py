@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from types import CodeType, FrameType
@@ -21,6 +22,7 @@ from typing import Any
 from benchmarks.fuzz.guarded import Guard, tried
 from benchmarks.fuzz.mutations import mutated
 from benchmarks.fuzz.targets import TARGETS, Target
+from pipeline.errors import InputError
 
 _PACKAGE = f"{Path(__file__).parents[2] / 'pipeline'}/"
 _SAVED_EVERY = 1.0
@@ -76,8 +78,11 @@ def run(name: str, state: Path, seconds: float, seed: int) -> None:
     session = Session(name, state)
     corpus = list(session.target.seeds())
     corpus += [path.read_bytes() for path in sorted(state.glob("corpus/*"))]
-    for data in corpus:  # imports and compiles what is loaded at first use, before anything is counted
-        session.one(data)
+    for (
+        data
+    ) in session.target.seeds():  # imports, compiles and caches what is loaded at first use, before anything is counted
+        with suppress(InputError):
+            session.target.run(data, Path(tempfile.mkdtemp(dir=state)))
     (_with_atheris if find_spec("atheris") else _traced)(session, corpus, seconds, seed)
     session.save()
 

@@ -213,7 +213,7 @@ def _repeats(
         for name, digest in entry["files"].items():
             seen.hashed(folder / name, digest)
         known = seen.head(run, entry)
-        heads.append(fresh.get(run) or (Head.from_json(known) if known else Head.of(recordings[place])))
+        heads.append(fresh.get(run) or (Head.from_json(known) if known else None) or Head.of(recordings[place]))
         seen.keep_head(run, entry, heads[-1].as_json())
     found: dict[str, QualityFinding] = {}
     for repeat in repeated(heads, recordings, recipe.experiment):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, overload
 
-from pipeline.campaign.seen import forget
+from pipeline.campaign.seen import are_runs, forget
 from pipeline.errors import InputError
 from pipeline.recording import QualityFinding, Recording
 from pipeline.recording.storage import read, sha256_of
@@ -88,11 +88,8 @@ def load(folder: Path) -> Ingested:
     content = manifest(folder)
     if not content:
         raise InputError(f"{folder}: holds no recordings; run 'rigfit ingest {folder.name}' first.")
-    quality = [
-        QualityFinding(**{**entry, "span": tuple(entry["span"]) if entry["span"] else None})
-        for entry in content["quality"]
-    ]
-    left_out = [LeftOut(**entry) for entry in content["left_out"]]
+    quality = [_finding(entry) for entry in content["quality"]]
+    left_out = [_left_out(entry) for entry in content["left_out"]]
     gone = {entry.run for entry in left_out}
     files = {run: entry["files"] for run, entry in content["runs"].items() if run not in gone}
     return Ingested(folder, files, quality, left_out)
@@ -107,9 +104,29 @@ def manifest(folder: Path) -> dict[str, Any]:
     """Return what the manifest says, nothing where there is none that this version understands."""
     try:
         content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        for told, part in ((_finding, "quality"), (_left_out, "left_out")):
+            for entry in content[part]:
+                told(entry)
+        return content if are_runs(content["runs"]) else {}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return {}
-    if not isinstance(content, dict) or not {"runs", "left_out", "quality"} <= content.keys():
-        return {}
-    as_now = all({"key", "readers", "files"} <= entry.keys() for entry in content["runs"].values())
-    return content if as_now else {}
+
+
+def _finding(entry: Mapping[str, Any]) -> QualityFinding:
+    """Return a finding as it was written; ValueError, TypeError or KeyError where it was not written so."""
+    span = entry["span"]
+    finding = QualityFinding(**{**entry, "span": (float(span[0]), float(span[1])) if span else None})
+    texts = [text for text in (finding.run, finding.channel) if text is not None]
+    if finding.level not in ("note", "warning", "error") or not all(
+        isinstance(t, str) for t in (finding.message, *texts)
+    ):
+        raise ValueError(entry)
+    return finding
+
+
+def _left_out(entry: Mapping[str, Any]) -> LeftOut:
+    left_out = LeftOut(**entry)
+    texts = (left_out.run, left_out.reason, *left_out.files, *left_out.files.values())
+    if not all(isinstance(text, str) for text in texts):
+        raise ValueError(entry)
+    return left_out

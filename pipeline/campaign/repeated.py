@@ -73,10 +73,18 @@ class Head:
         return {**asdict(self), "first": {name: values.tobytes().hex() for name, values in self.first.items()}}
 
     @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Head:
-        """Return the head that `as_json` told."""
-        first = {name: np.frombuffer(bytes.fromhex(values)) for name, values in content["first"].items()}
-        return cls(**{**content, "first": first})
+    def from_json(cls, content: Mapping[str, Any]) -> Head | None:
+        """Return the head that `as_json` told, None where it did not."""
+        try:
+            first = {name: np.frombuffer(bytes.fromhex(values)) for name, values in content["first"].items()}
+            head = cls(**{**content, "first": first})
+        except (TypeError, ValueError, KeyError, AttributeError):
+            return None
+        sound = isinstance(head.run, str) and isinstance(head.files, str) and isinstance(head.rows, int)
+        labels = isinstance(head.labels, dict) and all(
+            isinstance(v, bool | int | float | str) for v in head.labels.values()
+        )
+        return head if sound and labels else None
 
 
 def repeated(heads: Sequence[Head], recordings: Sequence[Recording], experiment: Experiment) -> list[Repeat]:

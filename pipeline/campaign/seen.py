@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,6 +19,7 @@ from pipeline.recording.storage import sha256_of, whole_or_not
 
 # A file that changes twice within the grain of its file system's clock keeps its time: one so young is not believed.
 _GRAIN, _COARSE_GRAIN = 0.1, 2.0  # s
+_PLAIN_NAME = re.compile(r"[^/\\\0]+\.parquet")
 SAVED_EVERY = 5.0  # s
 _SHARE = 20  # of the time that may go into that, at most one part
 
@@ -98,6 +100,19 @@ def forget(folder: Path) -> None:
     _beside(folder).unlink(missing_ok=True)
 
 
+def are_runs(content: Any) -> bool:
+    """Tell whether these are runs as ingest notes them, each recording's file a plain name: others lead out of the folder."""
+    return isinstance(content, dict) and all(
+        isinstance(entry, dict)
+        and isinstance(entry.get("key"), str)
+        and isinstance(entry.get("readers"), list)
+        and isinstance(entry.get("files"), dict)
+        and all(isinstance(reader, str) for reader in entry["readers"])
+        and all(_PLAIN_NAME.fullmatch(name) and isinstance(digest, str) for name, digest in entry["files"].items())
+        for entry in content.values()
+    )
+
+
 def _beside(folder: Path) -> Path:
     return folder.with_name(f".{folder.name}.seen.json")
 
@@ -114,7 +129,15 @@ def _content(path: Path) -> dict[str, Any]:
         digest, content, _ = path.read_text(encoding="utf-8").split("\n")
     except (OSError, ValueError):
         return {}
-    return dict(json.loads(content)) if digest == _digest(content) else {}
+    if digest != _digest(content):
+        return {}
+    try:
+        kept = json.loads(content)
+        states = all(isinstance(state, list) and state for state in kept["hashes"].values())
+        heads = all(isinstance(key, str) and isinstance(head, dict) for key, head in kept["heads"].values())
+        return dict(kept) if states and heads and are_runs(kept["unfinished"]) else {}
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return {}
 
 
 def _digest(content: str) -> str:

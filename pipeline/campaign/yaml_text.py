@@ -121,6 +121,7 @@ def add(path: Path, key: str, name: str, value: str | None = None) -> None:
     InputError
         If something else stands under `key`; names the line.
     """
+    load(path)  # says what is wrong with it, if anything is
     with path.open(encoding="utf-8-sig", newline="") as file:
         text = file.read()
     end = "\r\n" if "\r\n" in text else "\n"

@@ -19,6 +19,7 @@ from pipeline.ingest.column_table import as_numbers, as_text, named, seconds_sin
 from pipeline.ingest.delimited.header import is_units_row, unit_in_row
 from pipeline.ingest.misnamed import misnamed
 from pipeline.ingest.reader import BLOCK_ROWS, RawChannel, RawLog, RawTable, Reader
+from pipeline.ingest.unpacking import is_beyond_belief
 from pipeline.recording import QualityFinding
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ class _Source:
             file = ipc.open_file(opened)
             for at in range(file.num_record_batches):
                 batch = file.get_batch(at).select(list(names))
+                batch.validate(full=True)  # offsets that lead elsewhere would end the process
                 for start in range(0, batch.num_rows, BLOCK_ROWS):
                     yield batch.slice(start, BLOCK_ROWS)
 
@@ -206,6 +208,7 @@ def _source(path: Path) -> _Source:
     try:
         if kind == "Parquet":
             with pq.ParquetFile(path) as parquet:
+                _refuse_bomb(path, parquet.metadata)
                 return _Source(path, kind, parquet.schema_arrow, parquet.metadata.num_rows)
         with pa.OSFile(str(path)) as file:
             opened = ipc.open_file(file)
@@ -213,6 +216,19 @@ def _source(path: Path) -> _Source:
             return _Source(path, kind, opened.schema, rows)
     except (OSError, ValueError, MemoryError) as error:
         raise _broken(path, kind, error) from error
+
+
+def _refuse_bomb(path: Path, about: Any) -> None:
+    """Refuse a file that says that it holds far more rows, or a column of far more bytes, than its own bytes can."""
+    size = path.stat().st_size
+    packed = [about.row_group(i).column(j) for i in range(about.num_row_groups) for j in range(about.num_columns)]
+    if is_beyond_belief(size, 8 * about.num_rows) or any(
+        is_beyond_belief(column.total_compressed_size, column.total_uncompressed_size) for column in packed
+    ):
+        raise InputError(
+            f"{path}: this Parquet file says that its {size} bytes hold {about.num_rows} rows, or a column that unpacks to more than "
+            "any log's does; that is refused. Write it again with the measured rows only."
+        )
 
 
 def _broken(path: Path, kind: str, error: Exception) -> InputError:

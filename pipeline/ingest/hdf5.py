@@ -7,6 +7,7 @@ a group of its own is that of the groups as long that have none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -33,6 +34,7 @@ from pipeline.ingest.hdf5_columns import (
 )
 from pipeline.ingest.misnamed import misnamed
 from pipeline.ingest.reader import RawLog, Reader
+from pipeline.ingest.unpacking import HARMLESS, is_beyond_belief
 from pipeline.recording import QualityFinding
 
 MARK = b"\x89HDF\r\n\x1a\n"
@@ -41,6 +43,8 @@ _SHORTEST_SIGNAL = 4
 _MOST_SHOWN = 16
 _MOST_SETS = 10_000
 _LAST_MARK = 4096
+# A chunk is unpacked as a whole.
+LARGEST_PART = HARMLESS
 
 
 @dataclass
@@ -55,6 +59,7 @@ class _Contents:
     metadata: dict[str, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
     sets: int = 0
+    unpacked: int = 0
 
 
 class Hdf5Reader(Reader):
@@ -160,7 +165,20 @@ def _walk(contents: _Contents, group: Any, place: str, seen: set[tuple[int, int]
                 raise InputError(
                     f"{group.file.filename}: holds more than {_MOST_SETS} data sets; a log of signals has fewer."
                 )
+            _refuse_bomb(contents, found)
             _sort(contents, found, place, str(name))
+
+
+def _refuse_bomb(contents: _Contents, data: Any) -> None:
+    """Refuse a file whose data sets come to far more than its bytes, or of which one part does not fit into memory."""
+    path = Path(data.file.filename)
+    contents.unpacked += (data.size or 0) * data.dtype.itemsize
+    part = math.prod(data.chunks or ()) * data.dtype.itemsize
+    if is_beyond_belief(path.stat().st_size, contents.unpacked) or part > LARGEST_PART:
+        raise InputError(
+            f"{path}: says that its {path.stat().st_size} bytes hold {max(part, contents.unpacked)} (data set '{data.name}'), which is "
+            "refused: no log unpacks to so much. Write the log again, without what was never measured."
+        )
 
 
 def _sort(contents: _Contents, data: Any, place: str, name: str) -> None:

@@ -211,17 +211,22 @@ def read(paths: Path | Iterable[Path], *, lazily: bool = False) -> Recording:
         schema, about = _opened(path)
         units = {entry.name: (entry.metadata or {}).get(b"unit", b"1").decode() for entry in schema}
         del units["time"]
-        name = str(about["stream"])
+        name = str(about.get("stream", ""))
         if lazily:
             streams[name] = _StreamOnDisk(path, name, units)
         else:
             table = _columns(path, None)
             channels = {channel: Channel(channel, table[channel].to_numpy(), unit) for channel, unit in units.items()}
             streams[name] = Stream(name, table["time"].to_numpy(), channels)
-    told = about["provenance"]
-    files = tuple(SourceFile(**entry) for entry in told["files"])
-    provenance = Provenance(files, tuple(told["repairs"]), told["condition_sources"], told["version"], told["begins"])
-    return Recording(about["run"], streams, about["conditions"], _quality(about), provenance)
+    try:
+        told = about["provenance"]
+        files = tuple(SourceFile(**entry) for entry in told["files"])
+        provenance = Provenance(
+            files, tuple(told["repairs"]), told["condition_sources"], told["version"], told["begins"]
+        )
+        return Recording(about["run"], streams, about["conditions"], _quality(about), provenance)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise _foreign(paths[-1]) from error
 
 
 def read_blocks(path: Path, channels: Sequence[str] | None = None) -> Iterator[dict[str, np.ndarray]]:
@@ -279,9 +284,16 @@ def _opened(path: Path) -> tuple[pa.Schema, dict[str, Any]]:
     """Return the schema and what the metadata says."""
     try:
         schema = pq.read_schema(path)
-        return schema, json.loads((schema.metadata or {})[KEY])
-    except (pa.ArrowException, OSError, KeyError, json.JSONDecodeError) as error:
-        raise InputError(f"{path} is not a recording written by rigfit; run 'rigfit ingest' again.") from error
+        about = json.loads((schema.metadata or {})[KEY])
+        if not isinstance(about, dict) or not isinstance(about["run"], str) or "time" not in schema.names:
+            raise ValueError
+        return schema, about
+    except (pa.ArrowException, OSError, KeyError, ValueError, RecursionError) as error:
+        raise _foreign(path) from error
+
+
+def _foreign(path: Path) -> InputError:
+    return InputError(f"{path} is not a recording written by rigfit; run 'rigfit ingest' again.")
 
 
 def _columns(path: Path, names: list[str] | None) -> pa.Table:

@@ -54,7 +54,7 @@ def variables(file: BinaryIO, size: int) -> Iterator[tuple[str, Value]]:
         name = file.read(name_length).split(b"\0")[0].decode("latin-1")
         values = np.frombuffer(file.read(length), kind)
         if code % 10 == _TEXT and rows == 1:
-            yield name, "".join(chr(int(letter)) for letter in values[:count] if 0 <= letter < 0x110000)
+            yield name, "".join(chr(int(letter)) for letter in values[:count] if 0 <= letter < 0xD800)
         elif code % 10 != _NUMERIC:
             yield name, Unread("a table of letters" if code % 10 == _TEXT else "a sparse matrix")
         else:

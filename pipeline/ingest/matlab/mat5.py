@@ -14,6 +14,7 @@ from typing import BinaryIO, Literal
 import numpy as np
 
 from pipeline.ingest.matlab.values import BrokenFileError, Struct, Unread, Value
+from pipeline.ingest.unpacking import is_beyond_belief
 
 HEADER = 128
 LARGEST = 2 << 30
@@ -25,6 +26,7 @@ _CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _DOUBLE, _UINT64, _FUNCTION, _OPAQUE = 
 _LOGICAL, _COMPLEX = 0x0200, 0x0800
 _CLASSES = ("f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8")
 _DEEPEST = 32
+_MANY = 1 << 20
 
 
 def variables(file: BinaryIO, size: int) -> Iterator[tuple[str, Value]]:
@@ -73,6 +75,10 @@ def _inflated(data: bytes, order: Literal["little", "big"], at: int, most: int) 
             raise BrokenFileError(f"the compressed variable at byte {at} holds type {kind}, no variable")
         if length > most:
             raise BrokenFileError(f"it unpacks to more than {LARGEST >> 30} GiB, which is refused")
+        if is_beyond_belief(len(data), length):
+            raise BrokenFileError(
+                f"the variable at byte {at} says that {len(data)} bytes unpack to {length}, which is refused"
+            )
         content = unpack.decompress(unpack.unconsumed_tail, length) if length else b""
         rest = unpack.decompress(unpack.unconsumed_tail, 1)
     except zlib.error as error:
@@ -159,7 +165,9 @@ class _Element:
             return name, self.struct(prod(shape), depth)
         if not _DOUBLE <= kind <= _UINT64:
             raise BrokenFileError(f"'{name}' is of class {kind}, which does not exist")
-        values = self.numbers(prod(shape)).astype("?" if flags[0] & _LOGICAL else _CLASSES[kind - _DOUBLE], copy=False)
+        values = self.numbers(prod(shape))
+        if values.size < _MANY or flags[0] & _LOGICAL:  # MATLAB packs whole numbers into bytes; many of them stay so
+            values = values.astype("?" if flags[0] & _LOGICAL else _CLASSES[kind - _DOUBLE], copy=False)
         if flags[0] & _COMPLEX:
             values = values + 1j * self.numbers(prod(shape))
         return name, values.reshape(shape, order="F")

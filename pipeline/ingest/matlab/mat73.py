@@ -5,6 +5,7 @@ MATLAB stores arrays column by column: what h5py gives is transposed. Structures
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 
 from pipeline.ingest.hdf5 import opened
 from pipeline.ingest.matlab.values import BrokenFileError, Struct, Unread, Value
+from pipeline.ingest.unpacking import is_beyond_belief
 
 _DEEPEST = 32
 _LARGEST = 4 << 30
@@ -39,9 +41,23 @@ def variables(path: Path) -> Iterator[tuple[str, Value]]:
         If a variable is larger than can be read, or structures lie too deep.
     """
     with opened(path) as file:
+        size, unpacked = path.stat().st_size, 0
         for name in file:
             if not name.startswith("#"):
+                unpacked += _bytes_of(file[name], 0)
+                if is_beyond_belief(size, unpacked):
+                    raise BrokenFileError(f"it says that its {size} bytes hold {unpacked}, which is refused")
                 yield name, _value(file, file[name], name, 0)
+
+
+def _bytes_of(stored: Any, depth: int) -> int:
+    """Return how many bytes an array, or all those of a structure, unpack to."""
+    import h5py
+
+    if isinstance(stored, h5py.Group):
+        return sum(_bytes_of(stored[name], depth + 1) for name in stored) if depth <= _DEEPEST else 0
+    own = math.prod(stored.chunks or (0,))
+    return max(own, stored.size or 0) * int(stored.dtype.itemsize) if isinstance(stored, h5py.Dataset) else 0
 
 
 def _value(file: Any, stored: Any, name: str, depth: int) -> Value:

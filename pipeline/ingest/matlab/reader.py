@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from pipeline.recording import QualityFinding
 
 _MOST_COLUMNS = 64
 _MOST_ELEMENTS = 64
+_MOST_VARIABLES = 5000
 # Shorter vectors beside longer ones are parameters, not signals.
 _SHORTEST_SIGNAL = 8
 _TIMES = re.compile(
@@ -118,11 +120,11 @@ def _load(path: Path, head: bytes) -> dict[str, Value]:
         file.seek(0)
         try:
             if _is_73(head):
-                return dict(mat73.variables(path))
+                return _few(mat73.variables(path))
             if head.startswith(b"MATLAB 5") or head[124:128] in (b"\0\x01IM", b"\x01\0MI"):
-                return dict(mat5.variables(file, size))
+                return _few(mat5.variables(file, size))
             if mat4.is_mat4(head):
-                return dict(mat4.variables(file, size))
+                return _few(mat4.variables(file, size))
         except BrokenFileError as error:
             raise InputError(
                 f"{path}: this MAT file is broken or was cut off: {error}. Copy it again, or save it in MATLAB with "
@@ -132,6 +134,14 @@ def _load(path: Path, head: bytes) -> dict[str, Value]:
         f"{path}: this is no MAT file: it begins with {head[:8]!r}. If it holds another kind of log, give it that "
         "kind's suffix (.csv, .mcap)."
     )
+
+
+def _few(variables: Iterator[tuple[str, Value]]) -> dict[str, Value]:
+    """Return the variables of a file, which are not as many as rows."""
+    found = dict(islice(variables, _MOST_VARIABLES + 1))
+    if len(found) > _MOST_VARIABLES:
+        raise BrokenFileError(f"it holds more than {_MOST_VARIABLES} variables, where a vector is one")
+    return found
 
 
 def _sort(contents: _Contents, name: str, value: Value) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from pipeline.errors import InputError
 from pipeline.ingest.mcap_log import columns as cols
 from pipeline.ingest.mcap_log.batches import Messages
 from pipeline.ingest.mcap_log.columns import Columns, Path, TooManyFieldsError
@@ -19,6 +20,7 @@ from pipeline.recording import QualityFinding
 Rows = dict[str, np.ndarray]
 # Decoded messages take some ten times the room of their bytes; usual chunks are smaller than this.
 _DECODED_BYTES = 16 << 20
+_MOST_NUMBERS = 1 << 26
 
 
 class TopicTable(RawTable):
@@ -103,11 +105,13 @@ class TopicTable(RawTable):
 
     def _logged(self) -> Iterator[tuple[np.ndarray, list[bytes]]]:
         """Yield stamps (s, shape (m,)) and payloads of the messages, as many at once as can be decoded in little memory."""
+        repeated = sum(not field.is_sample for field in self._plan.fields) if self._plan.has_blocks else 0
+        most = _DECODED_BYTES // (1 + repeated // 4)  # single values are repeated for each sample of a block
         for portion in range(len(self._messages.portions)):
             if not self._messages.may_hold(portion, self._topic.ids):
                 continue
             batch = self._messages.batch(portion, self._topic.ids)
-            for at in batch.parted(batch.of(self._topic.ids), _DECODED_BYTES):
+            for at in batch.parted(batch.of(self._topic.ids), most):
                 yield (
                     self._seconds((batch.publish_times if self._clock == "publish" else batch.log_times)[at]),
                     batch.payloads(at),
@@ -131,6 +135,11 @@ class TopicTable(RawTable):
         """Turn the columns of a batch into rows."""
         messages = stamps.size
         counts = sample_counts(self._plan, columns, messages) if self._plan.has_blocks else None
+        if counts is not None and int(counts.sum()) * len(fields) > _MOST_NUMBERS:
+            raise InputError(
+                f"{self._messages.layout.path}: messages of the topic '{self.name}' repeat {len(fields)} channels for each of "
+                f"{int(counts.sum())} samples, more than fits into memory. Record blocks and single values as topics of their own."
+            )
         rows: Rows = {}
         if with_time:
             rows[self._time] = self._times(stamps, columns, counts, following)

@@ -30,6 +30,8 @@ def connected(path: Path) -> sqlite3.Connection:
     how = "mode=ro" if has_waiting(path) else "immutable=1"
     base = sqlite3.connect(f"file:{quote(str(path.resolve()))}?{how}", uri=True)
     base.text_factory = lambda text: text.decode("utf-8", "replace")
+    base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_CHUNK)
+    base.execute("PRAGMA trusted_schema = OFF")
     base.execute("PRAGMA writable_schema = ON")  # else SQLite refuses a file that is shorter than it was
     return base
 
