@@ -292,7 +292,7 @@ def test_runs_that_differ_unseen_widen_the_errors_to_hold_the_truth():
     for seed in range(2):
         runs = _scattering(0.002, seed)
         plain, found = fit_ring(runs, KNOWN), fit_ring(runs, KNOWN, scattered=True)
-        assert found.scatter == pytest.approx(0.002, rel=0.6)
+        assert 0.001 < found.scatter.size < 0.005
         assert judged(found).level == "doubt"
         assert "from run to run" in judged(found).statement
         for one, into in ((found, z), (plain, alone)):
@@ -302,7 +302,7 @@ def test_runs_that_differ_unseen_widen_the_errors_to_hold_the_truth():
 
 def test_runs_that_are_alike_are_not_taken_to_differ(fit):
     found = fit_ring(_runs(), KNOWN, scattered=True)
-    assert found.scatter < 2e-4
+    assert found.scatter.size < 2e-4
     assert found.std_error("bending_stiffness", False) < 2.0 * fit.std_error("bending_stiffness", False)
 
 

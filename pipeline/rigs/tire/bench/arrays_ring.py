@@ -12,7 +12,9 @@ from pipeline.findings import Parameter
 from pipeline.rigs.tire.bench.campaign import Campaign
 from pipeline.rigs.tire.bench.identifiability import statements
 from pipeline.rigs.tire.bench.ring_fit import RingFit
+from pipeline.rigs.tire.bench.ring_information import SOURCES
 from pipeline.rigs.tire.bench.ring_model import SIZES
+from pipeline.rigs.tire.bench.same_tire import pressure_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,6 +40,8 @@ def ring_tables(found: Campaign, parameters: Sequence[Parameter]) -> dict[str, p
         "ring_correlation": _matrix(names, fit.correlation) if fit is not None else [],
         "ring_singular": _singular(fit) if fit is not None else [],
         "type_b": _type_b(fit) if fit is not None else [],
+        "information": _information(fit) if fit is not None else [],
+        "information_about": [_information_about(found, fit)] if fit is not None else [],
         "ring_statements": _statements(found),
     }
     columns = {
@@ -47,6 +51,7 @@ def ring_tables(found: Campaign, parameters: Sequence[Parameter]) -> dict[str, p
         "ring_correlation": ["parameter", *names],
         "ring_singular": ["number", "value", "direction"],
         "type_b": ["source", "relative", *names],
+        "information": ["parameter", "coordinate", *names, *SOURCES],
         "ring_statements": ["statement"],
     }  # fmt: skip
     return {name: pd.DataFrame(rows, columns=columns.get(name)) for name, rows in tables.items()}
@@ -154,6 +159,29 @@ def _type_b(fit: RingFit) -> list[dict[str, Any]]:
         {"source": one.source, "relative": one.relative, **dict(zip(fit.names, one.slopes * scale, strict=True))}
         for one in fit.influences
     ]
+
+
+def _information(fit: RingFit) -> list[dict[str, Any]]:
+    """Return the Fisher information of the fit's coordinates (`ring_model`) and what shared sources add to its right-hand side."""
+    known = fit.information
+    return [
+        {"parameter": name, "coordinate": at, **dict(zip(fit.names, row, strict=True)), **dict(zip(SOURCES, pull, strict=True))}
+        for name, at, row, pull in zip(fit.names, fit.values.coordinates(), known.matrix, known.pulls, strict=True)
+    ]  # fmt: skip
+
+
+def _information_about(found: Campaign, fit: RingFit) -> dict[str, Any]:
+    """Return one row: how the runs measure and what is known beside them, as `advise` needs it."""
+    known, device = fit.known, found.runs[0].device
+    return {
+        "model_fits": found.verdict is not None and found.verdict.fits, "R": known.R, "R_u": known.R_u, "Ro": known.Ro,
+        "sensor_length": known.sensor_length, "sensor_length_u": known.sensor_length_u, "pressure_u": known.pressure_u,
+        "load_gain_u": known.load_gain_u, "outer_radius_u": known.outer_radius_u, "scatter_load": fit.scatter.load,
+        "scatter_gain": fit.scatter.gain, "scatter_pressure": fit.scatter.pressure, "uneven": fit.scatter.uneven, "held": fit.held,
+        "noise": fit.noise, "load_se": fit.load_se, "R0": float(np.nanmean([run.level for run in found.runs])),
+        "supply_voltage": device.supply_voltage, "divider_resistance": device.divider_resistance, "bins": found.runs[0].waveform.theta.size,
+        "pressure": pressure_of(found.runs[0], found.tire),
+    }  # fmt: skip
 
 
 def _statements(found: Campaign) -> list[dict[str, Any]]:

@@ -87,4 +87,5 @@ BENCH = Experiment(
     methods=Later("pipeline.rigs.tire.bench.methods:methods"),
     check=Later("pipeline.rigs.tire.bench.check:check"),
     operating=OPERATING,
+    advise=Later("pipeline.rigs.tire.bench.advise:advise"),
 )

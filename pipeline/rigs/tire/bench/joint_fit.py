@@ -99,7 +99,7 @@ def _scattered(found: Campaign, runs: list[RingRun], known: Known) -> None:
     used = {run.run for run in found.ring.runs}
     ring = fit_ring([run for run in runs if run.run in used], known, near=found.ring.values, scattered=True)
     verdict = judged(ring)
-    if ring.scatter > 0.0 and verdict.fits:
+    if ring.scatter.size > 0.0 and verdict.fits:
         found.ring, found.verdict = ring, verdict
 
 

@@ -16,6 +16,7 @@ from pipeline.rigs.tire.bench.declaration import PARAMETERS
 from pipeline.rigs.tire.bench.identifiability import PARAMETERS as RING
 from pipeline.rigs.tire.bench.identifiability import contact_lengths, told
 from pipeline.rigs.tire.bench.same_tire import in_words
+from pipeline.rigs.tire.bench.speed_line import CLOCKS_U
 from pipeline.rigs.tire.conditions import DIVIDER
 
 _SPECS = {spec.name: spec for spec in PARAMETERS}
@@ -45,7 +46,8 @@ FILM = ("pvdf_gain", "pvdf_time_constant", "pvdf_offset_angle")
 def parameters_of(found: Campaign, others: Sequence[BenchRun] = ()) -> list[Parameter]:
     """Return all parameters; of `others`, runs that are left out, the packet loss only."""
     waveform, circuit = "averaged waveform, jackknife over groups of revolutions", _circuit(found)
-    return [
+    type_b = _type_b(found)
+    rows = [
         *_told([_radius(found)], "line through the origin, weights by the errors of both means"),
         *_told(_ring(found), _ring_method(found), circuit),
         *_told(map(_length, _contact(found)), "joint ring fit, contact solved"),
@@ -55,6 +57,29 @@ def parameters_of(found: Campaign, others: Sequence[BenchRun] = ()) -> list[Para
         *_told(_film(found), "order by order, weighted least squares", circuit),
         *_told(_loss([*found.runs, *others]), "counted"),
     ]
+    return [
+        p.model_copy(update={"type_b": min(type_b[p.name], p.std_error)})
+        if p.name in type_b and p.std_error is not None and not p.at
+        else p
+        for p in rows
+    ]
+
+
+def _type_b(found: Campaign) -> dict[str, float]:
+    """Return what gauges, radii and clocks leave uncertain of the numbers of the campaign, standard errors, SI."""
+    parts: dict[str, float] = {}
+    if found.line is not None and found.line.radius.value is not None:
+        parts["rolling_radius"] = max(CLOCKS_U, found.clock_u) * found.line.radius.value
+    if found.ring is not None:
+        for name in RING:
+            whole, own = (found.ring.std_error(name, combined) for combined in (True, False))
+            parts[name] = math.sqrt(max(whole**2 - own**2, 0.0))
+    if found.calibration is not None and found.calibration.curve is not None:
+        gain = found.tire.load_gain_u
+        orders = {"calibration_1": 1.0, "calibration_2": 2.0, "load_sensitivity": 1.0}
+        for name, order in orders.items():
+            parts[name] = order * gain * abs(found.calibration.estimates[name].value or 0.0)
+    return parts
 
 
 def _circuit(found: Campaign) -> str:

@@ -205,7 +205,13 @@ def fit_film(
     reduced = float(best.fun[:rows] @ best.fun[:rows]) / max(rows - count, 1)
     bent = plain @ jacobian[:rows].T @ _noise(spectra, [model(best.x, s) for s in spectra])
     told = plain @ jacobian[rows:].T
-    covariance = (max(reduced, 1.0) * (bent @ bent.T) + told @ told.T)[:count, :count] * np.outer(
+    by_noise = max(reduced, 1.0) * (bent @ bent.T)
+    by_order = (
+        plain @ (jacobian[:rows].T * best.fun[:rows] ** 2) @ jacobian[:rows] @ plain * rows / max(rows - count, 1)
+    )
+    # Coloured noise is larger in some orders than in others: what each order leaves tells it.
+    wider = np.sqrt(np.maximum(np.diag(by_order) / np.diag(by_noise), 1.0))
+    covariance = (by_noise * np.outer(wider, wider) + told @ told.T)[:count, :count] * np.outer(
         _SIZES[:count], _SIZES[:count]
     )
     values = np.asarray(best.x[: _SIZES.size] * _SIZES)

@@ -15,6 +15,7 @@ from pipeline.errors import InputError
 from pipeline.estimation.residuals import whiteness
 from pipeline.estimation.separable import covariance_of
 from pipeline.estimation.uncertainty import effective_size
+from pipeline.rigs.tire.bench.ring_information import SOURCES, information_of, shared_changes
 from pipeline.rigs.tire.bench.ring_model import NAMES, SCALED, SIZES, RingModel, Unknowns, unknowns_at
 from pipeline.rigs.tire.bench.ring_result import Influence, RingFit, RunFit
 from pipeline.rigs.tire.bench.ring_run import Known, RingRun
@@ -85,7 +86,7 @@ def fit_ring(
     prior = _GUESS_U if scale_held else known.belt_width_u
     model = RingModel(used, Known(**{**vars(known), "belt_width": b, "belt_width_u": prior}))
     x, at_bound, converged = _searched(model, near or start or _start(known, b, used), near is not None)
-    if scattered and (scatter := run_scatter(model, x)) > 0.0:
+    if scattered and (scatter := run_scatter(model, x)).size > 0.0:
         model = RingModel(used, model.known, scatter)
         x, at_bound, converged = _searched(model, unknowns_at(x[: len(NAMES)]), True)
     return _result(model, known, x, at_bound, converged, (loads, speeds), left_out, scale_held)
@@ -255,6 +256,10 @@ def _result(
         left_out=left_out,
         scale_held=scale_held,
         scatter=model.scatter,
+        information=information_of(model, x) * (1.0 / widening),
+        held=_GUESS_U**-2.0 / widening if scale_held else 0.0,
+        noise=math.sqrt(widening) * float(np.median([np.median(1.0 / w[w > 0.0]) for w in model.weights])),
+        load_se=float(np.median([run.load_se / run.load for run in model.runs])),
     )
 
 
@@ -275,17 +280,9 @@ def _influences(model: RingModel, x: np.ndarray, J: np.ndarray) -> list[tuple[st
     The fit follows a small change d of its residual by -(J'J)^-1 J'd.
     """
     known = model.known
-    rows = sum(w.size for w in model.weights) + len(model.heights)
-    data = np.zeros((J.shape[0], 2))
-    data[:rows, 0] = J[:rows, NAMES.index("belt_width")]
-    data[:rows, 1] = J[:rows, [model.own(i).start + 1 for i in range(len(model.runs))]].sum(axis=1)
-    here, step = model.residual(x), 1e-3
-    radius = (model.changed(R=known.R * (1.0 + step)).residual(x) - here) / step
-    outer = (model.changed(Ro=known.Ro * (1.0 + step)).residual(x) - here) / step
-    change = -np.linalg.lstsq(J, np.column_stack([data, radius, outer]), rcond=1e-13)[0]
-    sources = ("pressure", "load_gain", "belt_radius", "outer_radius")
+    change = -np.linalg.lstsq(J, shared_changes(model, x, J), rcond=1e-13)[0]
     sizes = (known.pressure_u, known.load_gain_u, known.R_u, known.outer_radius_u)
-    return [(name, u, change[:, j]) for j, (name, u) in enumerate(zip(sources, sizes, strict=True))]
+    return [(name, u, change[:, j]) for j, (name, u) in enumerate(zip(SOURCES, sizes, strict=True))]
 
 
 def _run_fit(
@@ -309,7 +306,7 @@ def _run_fit(
     # scales it.
     slope = slopes[g].copy()
     slope[own + 1] = -slope[[NAMES.index(name) for name in SCALED]].sum()
-    if model.scatter > 0.0:
+    if model.scatter.size > 0.0:
         slope[model.own(i).stop - 1] = slope[NAMES.index("belt_width")]
     mesh = _EDGE * 2.0 * math.pi * model.known.R / contact.theta.size
     variance = float(slope @ covariance @ slope) + (model.known.R_u * contact.length) ** 2 + mesh**2

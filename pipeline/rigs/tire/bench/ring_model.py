@@ -6,12 +6,13 @@ The residual of the joint fit; the search is in `ring_fit`.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from pipeline.rigs.tire.bench.ring_run import Known, RingRun, weights
+from pipeline.rigs.tire.bench.ring_run import Known, RingRun, Scatter, weights
 from pipeline.rigs.tire.ring.contact import Compliance, Contact, compliance, pressed
 from pipeline.rigs.tire.ring.ring import Ring
 from pipeline.rigs.tire.ring.sensor import averaging, lagging
@@ -39,6 +40,7 @@ _LOAD_STEP = 2e-3
 _LENGTH_STEP = 3e-2
 # Coordinates that each run has for itself, and those that it has beside where the runs scatter.
 _OWN, _SCATTERED = 4, 2
+_ALIKE, _LEAST = Scatter(), 1e-6
 # Rotation within a turn, unseen between two passages, is even to this share at 10 km/h; a disturbing torque moves a slow
 # drum more, as one over the speed squared.
 UNEVEN = 1e-4
@@ -107,19 +109,19 @@ class RingModel:
     all share; then, where hub heights are known, their common offset (m). R0 and a drift within the turn are solved for
     and projected out.
 
-    `scatter` is the relative standard deviation by which load, gain and pressure differ from run to run, unseen.
+    `scatter` is by how much load, gain and pressure differ from run to run, unseen.
     """
 
-    def __init__(self, runs: list[RingRun], known: Known, scatter: float = 0.0) -> None:
+    def __init__(self, runs: list[RingRun], known: Known, scatter: Scatter = _ALIKE) -> None:
         self.runs, self.known, self.scatter = runs, known, scatter
-        self.owned = _OWN + (_SCATTERED if scatter > 0.0 else 0)
+        self.owned = _OWN + (_SCATTERED if scatter.size > 0.0 else 0)
         self.orders = np.arange(runs[0].theta.size // 2, dtype=float)
         self.weights = [weights(run) for run in runs]
         self.nuisance = [_nuisance(run, w) for run, w in zip(runs, self.weights, strict=True)]
         self.groups, self.member = _groups(runs)
         self.heights = [i for i, run in enumerate(runs) if run.hub_height is not None]
         self.size = len(NAMES) + self.owned * len(runs) + bool(self.heights)
-        self.priors = self._priors()
+        self.priors = self.priors_of(runs, known, scatter)
         self.solves = 0
         self._active: dict[int, np.ndarray] = {}
         self._loaded: tuple[bytes, list[Loaded]] = (b"", [])
@@ -132,19 +134,22 @@ class RingModel:
         """
         return slice(len(NAMES) + i * self.owned, len(NAMES) + (i + 1) * self.owned)
 
-    def _priors(self) -> list[tuple[int, float, float]]:
-        """Return coordinate, value and standard deviation of what is known beforehand."""
-        known = self.known
+    @staticmethod
+    def priors_of(runs: Sequence[RingRun], known: Known, scatter: Scatter) -> list[tuple[int, float, float]]:
+        """Return coordinate, value and standard deviation of what is known beforehand of these runs."""
+        owned = _OWN + (_SCATTERED if scatter.size > 0.0 else 0)
         found = [(NAMES.index("sensor_length"), math.log(known.sensor_length), known.sensor_length_u)]
         if known.belt_width is not None and known.belt_width_u is not None:
             found.append((NAMES.index("belt_width"), math.log(known.belt_width), known.belt_width_u))
-        for i, run in enumerate(self.runs):
-            at, uneven = self.own(i).start, UNEVEN * (_USUAL_ROTATION / run.rotation) ** 2
-            found.append((at + 1, 0.0, math.hypot(max(run.load_se / run.load, 1e-6), self.scatter)))
+        for i, run in enumerate(runs):
+            at = len(NAMES) + i * owned
+            uneven = scatter.uneven * UNEVEN * (_USUAL_ROTATION / run.rotation) ** 2
+            found.append((at + 1, 0.0, math.hypot(max(run.load_se / run.load, _LEAST), scatter.load)))
             found += [(at + 2, 0.0, uneven), (at + 3, 0.0, uneven)]
-            found += [(at + j, 0.0, self.scatter) for j in range(_OWN, self.owned)]
-        if self.heights:
-            found.append((self.size - 1, 0.0, _HEIGHT_OFFSET))
+            own = (max(scatter.gain, _LEAST), max(scatter.pressure, _LEAST))
+            found += [(at + _OWN + j, 0.0, sd) for j, sd in enumerate(own[: owned - _OWN])]
+        if any(run.hub_height is not None for run in runs):
+            found.append((len(NAMES) + owned * len(runs), 0.0, _HEIGHT_OFFSET))
         return found
 
     def loaded(self, x: np.ndarray) -> list[Loaded]:
@@ -157,7 +162,7 @@ class RingModel:
             heres = self._solved(values)
             harder = (
                 self._solved(replace(values, belt_width=values.belt_width * (1.0 + _LOAD_STEP)))
-                if self.scatter > 0.0
+                if self.scatter.size > 0.0
                 else heres
             )
             for here, more, hard in zip(heres, self._solved(values, 1.0 + _LOAD_STEP), harder, strict=True):
@@ -273,7 +278,7 @@ class RingModel:
             for name, slope in zip(_CONTACT, self._slopes(x)[1][g], strict=True):
                 row[NAMES.index(name)] = slope
             row[self.own(i).start + 1] = -self._slopes(x)[1][g, : len(SCALED)].sum()
-            if self.scatter > 0.0:
+            if self.scatter.size > 0.0:
                 row[self.own(i).start + _OWN + 1] = row[NAMES.index("belt_width")]
             row[-1] = 1.0
             row /= _height_se(self.runs[i])
@@ -286,7 +291,7 @@ class RingModel:
     def _of_run(self, x: np.ndarray, i: int) -> tuple[float, float]:
         """Return ln of gain and pressure of run i over what all share."""
         own = x[self.own(i)]
-        return (float(own[_OWN]), float(own[_OWN + 1])) if self.scatter > 0.0 else (0.0, 0.0)
+        return (float(own[_OWN]), float(own[_OWN + 1])) if self.scatter.size > 0.0 else (0.0, 0.0)
 
     def _run(self, x: np.ndarray, i: int, derivatives: bool) -> np.ndarray:
         """Return the waveform of run i, then (if asked) its derivatives by the shared ones and its own."""
@@ -316,7 +321,9 @@ class RingModel:
         # All loads and stiffnesses times one factor leave the shape as it is.
         rows[shared + 2] = -rows[[1 + NAMES.index(name) for name in SCALED]].sum(axis=0)
         waves = _on_grid(rows[1:], run.theta.size)
-        beside = waves[[NAMES.index("sensor_gain"), NAMES.index("belt_width")]] if self.scatter > 0.0 else waves[:0]
+        beside = (
+            waves[[NAMES.index("sensor_gain"), NAMES.index("belt_width")]] if self.scatter.size > 0.0 else waves[:0]
+        )
         return np.concatenate([wave[None, :], waves, uneven, beside])
 
     def changed(self, **known: Any) -> RingModel:

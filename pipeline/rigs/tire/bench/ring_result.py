@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.rigs.tire.bench.ring_information import RingInformation
 from pipeline.rigs.tire.bench.ring_model import NAMES, SIZES, Unknowns
-from pipeline.rigs.tire.bench.ring_run import Known
+from pipeline.rigs.tire.bench.ring_run import Known, Scatter
 from pipeline.rigs.tire.ring.ring import Ring
 from pipeline.rigs.tire.ring.sensor import Sensor
+
+_ALIKE = Scatter()
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +94,14 @@ class RingFit:
         Runs that were not used, with the reason.
     scale_held
         Whether the scale of stiffnesses and gain rests on a guess of the belt's width.
+    information
+        What the runs tell about the nine, as wide as the covariance is; with priors.
+    held
+        What of the information about the belt's width is a guess; 0 unless `scale_held`.
+    noise, load_se
+        Of a typical run: standard error of an angle's R2 at R0, ohm; relative one of the load.
     scatter
-        Relative standard deviation by which load, gain and pressure differ from run to run beyond their noise; 0 where
-        none was looked for or found.
+        By how much load, gain and pressure differ from run to run beyond their noise; none where none was looked for.
     """
 
     values: Unknowns
@@ -113,7 +121,11 @@ class RingFit:
     speeds: int
     left_out: dict[str, str]
     scale_held: bool
-    scatter: float = 0.0
+    information: RingInformation
+    held: float
+    noise: float
+    load_se: float
+    scatter: Scatter = _ALIKE
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -90,6 +90,29 @@ class Known:
     loads_set: bool = False
 
 
+@dataclass(frozen=True)
+class Scatter:
+    """By how much runs differ, unseen: relative standard deviations, and a factor on what their rotation is uneven by.
+
+    Attributes
+    ----------
+    load, gain, pressure
+        Of the load on the tire beside the measured one, of the flex sensor's gain, of the inflation pressure.
+    uneven
+        On the share by which rotation may be uneven within a turn (`ring_model.UNEVEN`).
+    """
+
+    load: float = 0.0
+    gain: float = 0.0
+    pressure: float = 0.0
+    uneven: float = 1.0
+
+    @property
+    def size(self) -> float:
+        """Root mean square of the three; 0 where the runs are alike."""
+        return float(np.sqrt((self.load**2 + self.gain**2 + self.pressure**2) / 3.0))
+
+
 def incoherent_error(theta: np.ndarray, mean: np.ndarray, groups: np.ndarray) -> np.ndarray | None:
     """Return the standard error of an average from noise alone, without what makes whole passages higher or shifts them.
 

@@ -67,17 +67,17 @@ def judged(fit: RingFit) -> RingVerdict:
     speed_trend = _trend(fit, [run.rotation for run in fit.runs])
     rising = max(load_trend, speed_trend) > _RISE if fit.runs else False
     level: Level = "ok"
-    if (coloured and (chi2 > _LARGEST or band > _LARGEST_BAND)) or fit.scatter > _MOST_SCATTER:
+    if (coloured and (chi2 > _LARGEST or band > _LARGEST_BAND)) or fit.scatter.size > _MOST_SCATTER:
         level = "rejected"
-    elif chi2 > _LARGEST or band > _DOUBTFUL_BAND or fit.scatter > _TOLD_SCATTER or not fit.converged:
+    elif chi2 > _LARGEST or band > _DOUBTFUL_BAND or fit.scatter.size > _TOLD_SCATTER or not fit.converged:
         level = "doubt"
     misfit = _misfit(fit)
     size = f"chi2_red {chi2:.3g}, {band:.3g} in the orders that the sensor feels"
     if level == "ok":
         said = f"The ring model fits: what it leaves is as large as the scatter of the averages ({size})."
-    elif level == "rejected" and fit.scatter > _MOST_SCATTER:
+    elif level == "rejected" and fit.scatter.size > _MOST_SCATTER:
         said = (
-            f"The runs contradict each other: load, sensor gain or pressure would have to differ from run to run by {fit.scatter:.1%}. Look at "
+            f"The runs contradict each other: load, sensor gain or pressure would have to differ from run to run by {fit.scatter.size:.1%}. Look at "
             "the loads, the pressure before and behind each run and the bond."
         )
     elif level == "rejected":
@@ -88,9 +88,9 @@ def judged(fit: RingFit) -> RingVerdict:
         )
     elif not coloured and chi2 > _LARGEST:
         said = f"The residual is white but larger than the standard errors tell ({size}); the intervals are widened for it."
-    elif fit.scatter > _TOLD_SCATTER:
+    elif fit.scatter.size > _TOLD_SCATTER:
         said = (
-            f"The ring model fits ({size}) once load, sensor gain and pressure may differ from run to run by {fit.scatter:.2%}, more than their noise "
+            f"The ring model fits ({size}) once load, sensor gain and pressure may differ from run to run by {fit.scatter.size:.2%}, more than their noise "
             "explains (friction, temperature, pressure reset between runs); the intervals hold that."
         )
     elif not fit.converged:

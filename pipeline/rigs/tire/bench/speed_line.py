@@ -15,8 +15,8 @@ from pipeline.errors import InputError
 from pipeline.estimation.estimate import Estimate, estimate
 from pipeline.estimation.uncertainty import effective_size
 
-# Crystals of transmitter and bench log, +-20 ppm each.
-CLOCKS_U = 2.5e-5
+# Crystals of transmitter and bench log: within 20 ppm each, anywhere as likely.
+CLOCKS_U = 20e-6 * math.sqrt(2.0 / 3.0)
 # Rolling circumference over nominal diameter (ETRTO); how far a tire may be off, and what is expected without a size.
 _ROLLING = 3.05
 _TOLERANCE = 0.05

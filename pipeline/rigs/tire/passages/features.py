@@ -16,6 +16,10 @@ from pipeline.rigs.tire.ring.shape_lengths import Lengths, lengths
 
 # The belt's own bending reaches up to here, however long the sensor.
 _BENT = 70
+# Groups from which on neighbours tell; the least share of the variance of independent groups.
+_SOME, _LEAST_SHARE = 10, 0.2
+# Marks that go with the load.
+_HEIGHTS = ("peak", "dip_leading", "dip_trailing")
 # Half the angle over which one revolution tells a mark's level and slope: of the peak, of a dip, rad.
 _AT_PEAK, _AT_DIP = 0.035, 0.1
 
@@ -55,14 +59,14 @@ def features(waveform: Waveform, R: float, highest: int) -> Features:
         for orders in (_fading(0.9 * upto, 1.8 * upto), np.ones(2 * upto + 1))
     )
 
-    def error(mark: Callable[[Lengths], float]) -> float:
+    def error(mark: Callable[[Lengths], float], waves: bool) -> float:
         value, beyond = (np.array([mark(one) for one in marks]) for marks in (faded, wide))
         off = beyond - value
         cut = float(off[0] ** 2) if off[0] ** 2 > _jackknife(off[1:]) else 0.0
-        return math.sqrt(_jackknife(value[1:]) + cut)
+        return math.sqrt(_jackknife(value[1:], waves) + cut)
 
-    errors = {f.name: error(attrgetter(f.name)) for f in fields(Lengths)}
-    return Features(faded[0], Lengths(**errors), error(lambda one: one.asymmetry), len(waveform.groups))
+    errors = {f.name: error(attrgetter(f.name), f.name in _HEIGHTS) for f in fields(Lengths)}
+    return Features(faded[0], Lengths(**errors), error(lambda one: one.asymmetry, True), len(waveform.groups))
 
 
 def _fading(first: float, last: float) -> np.ndarray:
@@ -71,9 +75,18 @@ def _fading(first: float, last: float) -> np.ndarray:
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.clip((orders - first) / (last - first), 0.0, 1.0)))
 
 
-def _jackknife(values: np.ndarray) -> float:
-    """Return the variance of a value by those without one group each."""
-    return float((values.size - 1) / values.size * np.sum((values - values.mean()) ** 2))
+def _jackknife(values: np.ndarray, waves: bool = False) -> float:
+    """Return the variance of a value by those without one group each.
+
+    With `waves` neighbours may be more or less alike than others: a wave of the load in step with the drum makes turns
+    alternate, and their mean is quieter than of turns drawn at random (Bartlett weights; no less than a share of what
+    independent groups give).
+    """
+    off = values - values.mean()
+    n, plain = values.size, float(off @ off)
+    lags = 2 if waves and n >= _SOME else 0
+    along = sum(2.0 * (1.0 - k / (lags + 1.0)) * float(off[k:] @ off[:-k]) for k in range(1, lags + 1))
+    return (n - 1) / n * max(plain + along, _LEAST_SHARE * plain)
 
 
 @dataclass(frozen=True, eq=False)

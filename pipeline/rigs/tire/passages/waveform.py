@@ -20,6 +20,8 @@ from pipeline.rigs.tire.ring.ring import Shape, grid, shape_of
 _OUTLYING = 4.0
 _GROUPS = 24
 _LEAST = 3
+# Standard deviation of half the difference of two lengths that are anywhere within a turn, turns.
+_OFF_TURN = math.sqrt(1.0 / 24.0)
 # Neighbouring bins whose variances are averaged, on either side.
 _SMOOTHED = 4
 
@@ -35,7 +37,7 @@ class Waveform:
     mean, std_error, scatter
         R2 and its standard error; standard deviation between revolutions; ohm, shape (BINS,).
     level, level_se
-        R0: mean over the revolution; standard error from the scatter between revolutions, ohm. NaN where part of
+        R0: mean over the revolution; standard error from the scatter between revolutions beside a drift, ohm. NaN where part of
         the revolution is never recorded.
     count
         Samples in each bin.
@@ -136,7 +138,7 @@ def averaged(revolutions: Revolutions | Iterable[Revolutions], run: str = "") ->
         std_error=flex.std_error(),
         scatter=flex.scatter(),
         level=float(values.mean()) if known else math.nan,
-        level_se=float(level.std(ddof=1) / math.sqrt(level.size)) if known else math.nan,
+        level_se=_level_error(level) if known else math.nan,
         count=flex.count.astype(int),
         film=film.mean() - np.nanmean(film.mean()) if film.revolutions >= _LEAST else None,
         film_se=film.std_error() if film.revolutions >= _LEAST else None,
@@ -148,6 +150,17 @@ def averaged(revolutions: Revolutions | Iterable[Revolutions], run: str = "") ->
         skewness=float(np.mean(off**3) / np.mean(off**2) ** 1.5),
         groups=flex.groups(),
     )
+
+
+def _level_error(level: np.ndarray) -> float:
+    """Return the standard error of a run's mean level, ohm, by what the turns leave of a straight drift.
+
+    The turns used begin and end up to one turn off the run's: the mean of a drift is off by as much of it.
+    """
+    turn = np.arange(level.size, dtype=float)
+    slope, start = np.polyfit(turn, level, 1)
+    noise = level - start - slope * turn
+    return math.hypot(math.sqrt(float(noise @ noise) / max(level.size - 2, 1) / level.size), slope * _OFF_TURN)
 
 
 def _not_outlying(block: Revolutions, before: _Sums) -> np.ndarray:
