@@ -20,7 +20,7 @@ _LARGEST_OF_SUM = 0.1
 # errors of all that correlates with it.
 _LOOSE, _TIED = 0.3, 0.5
 # Relative standard errors from which on only lucky draws would look determined, and be biased.
-_LEAST, _LEAST_OF_TAU = 0.3, 0.2
+LARGEST_RELATIVE = {"tau": 0.2, **dict.fromkeys(("rho", "c_bw", "n_bw", "k1", "alpha_bw"), 0.3)}
 _NEEDS_TAU = "is not determined: only tau tells k1 and k2 apart, and tau is not determined"
 _TIED_TO_TAU = "is not determined: it is tied to tau, which is all but free"
 _UNITS = {"k1": "N/m", "k2": "N/m", "k_mr": "N/m", "s_mr": "N s/m", "alpha_bw": "N", "rho": "1/m", "tau": "s"}
@@ -77,8 +77,8 @@ def judge(
     for name, bound in at_bound.items():
         if bound != PHYSICAL_BOUNDS.get(name):
             lost[name] = f"{name} is not determined: the fit ran to the edge of its search, {bound:.4g}{_unit(name)}"
-    for name in ("tau", "rho", "c_bw", "n_bw", "k1", "alpha_bw"):  # positive by nature: no honest zero
-        if relative[name] > (_LEAST_OF_TAU if name == "tau" else _LEAST):
+    for name, largest in LARGEST_RELATIVE.items():  # positive by nature: no honest zero
+        if relative[name] > largest:
             lost.setdefault(name, "")
     tau = names.index("tau")
     loose = relative["tau"] > _LOOSE or "tau" in lost.keys() & at_bound.keys()

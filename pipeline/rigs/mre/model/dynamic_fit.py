@@ -53,9 +53,9 @@ class DynamicFit:
         {"coil_current": ...} as the variant has them, and the sums `k1_plus_k2`, `k2_plus_alpha_rho`
         with their own errors. `ka`, `ksa` tell alpha_bw, `km` k1, at every current. Undetermined ones
         have no value.
-    names, values, errors, correlation, condition
-        Of the free parameters, natural units, in one order; condition number of the column-scaled
-        Jacobian.
+    names, values, errors, information, correlation, condition
+        Of the free parameters, natural units, in one order: `information` is the Fisher information of these runs, with
+        their noise and run scatter; condition number of the column-scaled Jacobian.
     statements
         What is determined and what is not, in plain sentences.
     chi2, dof, chi2_by_run, gain_by_run, nrmse_by_run
@@ -79,6 +79,7 @@ class DynamicFit:
     values: np.ndarray
     held_lag: float | None
     errors: Errors
+    information: np.ndarray
     correlation: np.ndarray
     condition: float
     statements: tuple[str, ...]

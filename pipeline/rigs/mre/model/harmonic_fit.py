@@ -258,6 +258,7 @@ def _finished(
         values=values,
         held_lag=model.held_lag,
         errors=errors,
+        information=jacobian.T @ jacobian / factor,
         correlation=errors.covariance / np.outer(sd, sd),
         condition=verdict.condition,
         statements=verdict.statements,
@@ -311,18 +312,23 @@ def _with_scatter(
     return scatter, fit, V.shrunk(scatter.value)
 
 
-def _natural(model: HarmonicModel, fit: SeparableFit) -> tuple[list[Key], np.ndarray, np.ndarray]:
-    """Return keys and values of all parameters, and d(search parameter)/d(natural one) per column."""
-    keys = [Key(name) for name in (*SHAPE_NAMES, "force_lag")[: model.n_shape]]
-    for term in model.layout.terms:
+def keys_of(layout: Layout, n_shape: int) -> list[Key]:
+    """Return the parameters of a layout in the order of the fit: `n_shape` nonlinear ones, then the coefficients."""
+    keys = [Key(name) for name in (*SHAPE_NAMES, "force_lag")[:n_shape]]
+    for term in layout.terms:
         if term.level is None:
             keys.append(Key(_COLUMN_NAMES[term.column]))
         else:
-            keys.append(Key(_FIELD_NAMES[term.column], model.layout.levels[term.level]))
+            keys.append(Key(_FIELD_NAMES[term.column], layout.levels[term.level]))
+    return keys
+
+
+def _natural(model: HarmonicModel, fit: SeparableFit) -> tuple[list[Key], np.ndarray, np.ndarray]:
+    """Return keys and values of all parameters, and d(search parameter)/d(natural one) per column."""
     values = np.r_[np.exp(fit.q[:2]), fit.q[2:], fit.c]
     slope = np.ones(values.size)
     slope[:2] = 1 / values[:2]
-    return keys, values, slope
+    return keys_of(model.layout, model.n_shape), values, slope
 
 
 def _scatter_estimate(scatter: Scatter, rejected: bool) -> Estimate:

@@ -15,6 +15,7 @@ from pipeline.rigs.mre.model.loop import Loop, curve
 from pipeline.rigs.mre.model.many import conditions_of
 from pipeline.rigs.mre.model.time_fit import TimeFit
 from pipeline.rigs.mre.pads import group_levels
+from pipeline.rigs.mre.shear.design import design_tables
 from pipeline.rigs.mre.shear.parameters import run_metrics
 from pipeline.rigs.mre.shear.preload import PreloadTable
 from pipeline.rigs.mre.shear.residuals import METRICS, agreement, field_laws, normalised, residual_checks
@@ -57,6 +58,7 @@ def arrays_of(
         "residual_checks": residual_checks(fit, times),
         "field_laws": field_laws(parameters),
         "flux_levels": flux,
+        **design_tables(fit),
     }
     return {name: table for name, table in tables.items() if len(table)}
 

@@ -118,4 +118,5 @@ SHEAR = Experiment(
     sections=Later("pipeline.rigs.mre.shear.sections:sections"),
     methods=Later("pipeline.rigs.mre.shear.methods:methods"),
     check=Later("pipeline.rigs.mre.shear.check:check"),
+    advise=Later("pipeline.rigs.mre.shear.advise:advise"),
 )

@@ -39,7 +39,8 @@ def droop_suspected(fit: DynamicFit) -> bool:
     if fit.held_lag is not None or lag.value is None or abs(lag.value) <= LAG_SAID or k1 is None:
         return False
     quick = max(fit.loops, key=lambda loop: loop.frequency)
-    return 0.5 * (quick.omega * lag.value) ** 2 * abs(quick.F[0] / quick.X[0]) >= 2 * (k1.std_error or 0.0)
+    off = 0.5 * (quick.omega * lag.value) ** 2 * abs(quick.F[0] / quick.X[0])
+    return bool(off >= 2 * (k1.std_error or 0.0))
 
 
 def with_systematic(
