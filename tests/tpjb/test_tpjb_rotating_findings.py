@@ -82,7 +82,8 @@ def test_harmonics_that_the_sheet_lists_are_found(four):
     for name, published in (("x", (24.2, 1.03, 0.15)), ("y", (25.1, 4.58, 0.93))):
         for order, amplitude in enumerate(published, start=1):
             p = four.one(f"orbit_harmonic_{name}", run="A4_L1_36", order=float(order))
-            assert p.value == pytest.approx(amplitude * 1e-6, abs=4 * p.std_error + 0.05e-6)
+            # The sheet's is another campaign's: its load had another size and ellipse, 0.4 % each.
+            assert p.value == pytest.approx(amplitude * 1e-6, abs=4 * p.std_error + 0.008 * amplitude * 1e-6 + 0.05e-6)
             assert p.ci95[0] >= 0
 
 

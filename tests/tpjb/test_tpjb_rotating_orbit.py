@@ -9,7 +9,7 @@ import pytest
 from rotating_orbits import orbits, static_load
 
 from pipeline.errors import InputError
-from pipeline.rigs.tpjb.rotating.harmonics import circularity, harmonics, openness
+from pipeline.rigs.tpjb.rotating.harmonics import amplitude, circularity, harmonics, openness
 from pipeline.rigs.tpjb.rotating.orbit import Orbit, rotation
 
 RATE = 0.010013
@@ -137,3 +137,18 @@ def test_part_keeps_what_belongs_to_the_run():
     orbit = Orbit("r", np.arange(10.0), np.zeros((2, 10)), np.ones((2, 10)), 15.0, 16.7)
     part = orbit.part(np.arange(10) > 4)
     assert (part.run, part.time.size, part.force_noise, part.shaft_frequency) == ("r", 5, 15.0, 16.7)
+
+
+def test_amplitudes_near_zero_hold_the_truth_95_times_in_100():
+    """An amplitude has no sign: |x + noise| - 1.96 sigma would exclude a true zero 15 times in 100."""
+    rng = np.random.default_rng(3)
+    time = np.arange(500.0)
+    for true in (0.0, 1.0, 30.0):
+        held = []
+        for _ in range(200):
+            noise = rng.standard_normal((2, 500))
+            signal = noise + true * np.sqrt(4 / 500) * np.cos(2 * np.pi * 0.02 * time)
+            found = amplitude(harmonics(time, signal, 0.01), noise, "x", 2)
+            assert found.ci95[0] >= 0
+            held.append(found.ci95[0] <= true * np.sqrt(4 / 500) <= found.ci95[1])
+        assert 0.91 <= np.mean(held) <= 0.99

@@ -88,6 +88,9 @@ def identify(recordings: Sequence[Recording], settings: BaselineSettings, contex
         reasons=[fatal] if fatal else list(dict.fromkeys(reasons + [q.message for q in grave[:3]])),
         parameters=_parameters(found, ratios, gains, (fatal or (untold if spring is None else ""), fatal or untold)),
         models=models,
+        advice=[]
+        if several
+        else ["Excite at least two tones, far apart: together they tell the mass from the stiffness."],
         quality=[Quality(level=q.level, run=q.run, channel=q.channel, span=q.span, message=q.message) for q in quality],
         runs=[Run(run=r.run, used=r.run not in left_out, reason=left_out.get(r.run, "")) for r in recordings],
         arrays=_arrays(found, rows),

@@ -162,6 +162,12 @@ def _advice(solutions: Sequence[Solution]) -> list[str]:
         blocks = min(solution.pool.blocks, default=0)
         if not solution.fatal and blocks < 8:
             advice.append(f"{blocks} blocks tell the errors poorly; log at least ten blocks of each excitation.")
+        shaft = solution.pool.shaft
+        if not solution.fatal and shaft and not solution.tones.min() <= shaft <= solution.tones.max():
+            side = "below" if solution.tones.min() > shaft else "above"
+            advice.append(
+                f"Add tones {side} the shaft's {shaft:.4g} Hz: the synchronous coefficients are interpolated between tones on both sides."
+            )
         if any("shaft order" in reason for reason in solution.pool.dropped.values()):
             advice.append("Move the tones that stand on a shaft order, or log longer blocks.")
     return list(dict.fromkeys(advice))

@@ -76,6 +76,7 @@ ROTATING = Experiment(
     sections=Later("pipeline.rigs.tpjb.rotating.sections:sections"),
     methods=Later("pipeline.rigs.tpjb.rotating.methods:methods"),
     check=Later("pipeline.rigs.tpjb.rotating.faults:check"),
+    advise=Later("pipeline.rigs.tpjb.rotating.advise:advise"),
     operating=OPERATING,
     builds_on=("tpjb.dynamic", "tpjb.bump"),
 )

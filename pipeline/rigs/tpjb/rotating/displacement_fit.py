@@ -15,6 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
+from pipeline.errors import InputError
 from pipeline.estimation.least_squares import Fit, Unknown, fit
 from pipeline.rigs.tpjb.rotating.noise import Noise
 from pipeline.rigs.tpjb.rotating.orbit import Orbit
@@ -93,6 +94,8 @@ class _Run:
         noise = 0.0 if plain else self.noise.force
         d = self.displacement(theta)
         _, compliance = self.law.slopes(theta, d, self.force)
+        if not np.isfinite(compliance).all():
+            raise InputError(self._past_fold())
         # What of sigma is due to the force is taken out of it first: both together make sigma.
         by_force = noise**2 * np.einsum("ijn,kjn->ikn", compliance, compliance)
         mean = np.einsum("iin->i", by_force) / by_force.shape[2]
@@ -134,7 +137,15 @@ class _Run:
     def jacobian(self, theta: np.ndarray) -> np.ndarray:
         d = self.displacement(theta)
         slopes, _ = self.law.slopes(theta, d, self.force)
+        if not np.isfinite(slopes).all():
+            raise InputError(self._past_fold())
         return self.project(self.weigh(slopes))
+
+    def _past_fold(self) -> str:
+        return (
+            f"{self.law.name} is invalid at this load: the {self.orbit.rotation.size:.4g} N of run {self.orbit.run} lie past its "
+            "fold, where it has no equilibrium"
+        )
 
     def path(self, theta: np.ndarray) -> Path:
         """Return the run with its offset and drift, the law under the force as measured.
@@ -188,7 +199,7 @@ def solve(
     Raises
     ------
     InputError
-        If that is not so.
+        If that is not so, or the search ends at the fold of the law.
 
     Notes
     -----

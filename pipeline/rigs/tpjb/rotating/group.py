@@ -145,10 +145,13 @@ def fit_group(at: OperatingPoint, runs: Sequence[Turns], settings: RotatingSetti
 
 def _apart(group: LoadGroup) -> str:
     """Say which two runs differ in their stiffness at the equilibrium, each fitted alone; empty where none do."""
-    alone = [
-        fit_model([turns.record.orbit], M6, [noise])
-        for turns, noise in zip(group.runs, group.selected.noises, strict=True)
-    ]
+    try:
+        alone = [
+            fit_model([turns.record.orbit], M6, [noise])
+            for turns, noise in zip(group.runs, group.selected.noises, strict=True)
+        ]
+    except InputError:  # past its fold: that is no sign of another state
+        return ""
     for j, name in ((0, "kxx"), (3, "kyy")):
         own = [(float(fit.p[j]), turns.run) for fit, turns in zip(alone, group.runs, strict=True)]
         (least, soft), (most, stiff) = min(own), max(own)

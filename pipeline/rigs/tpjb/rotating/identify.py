@@ -16,6 +16,7 @@ from pipeline.rigs.tpjb.rotating.arrays import arrays_of
 from pipeline.rigs.tpjb.rotating.clearance import clearances_of
 from pipeline.rigs.tpjb.rotating.consistency import consistency_of, stiffness_of_load
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
+from pipeline.rigs.tpjb.rotating.designs import design_tables
 from pipeline.rigs.tpjb.rotating.faults import faults_of
 from pipeline.rigs.tpjb.rotating.fit_faults import faults_of_fit
 from pipeline.rigs.tpjb.rotating.group import LoadGroup, with_load_models
@@ -92,7 +93,7 @@ def identify(recordings: Sequence[Recording], settings: RotatingSettings, contex
             Run(run=r.run, used=r.run in used, reason=runs.left_out.get(r.run, ""), conditions=dict(r.conditions))
             for r in recordings
         ],
-        arrays=arrays_of(groups, clearances, consistency),
+        arrays=arrays_of(groups, clearances, consistency) | ({} if refused else design_tables(groups)),
     )
 
 

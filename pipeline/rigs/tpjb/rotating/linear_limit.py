@@ -149,7 +149,7 @@ def linear_limit(fit: ModelFit, static_load: float, level: float = LEVEL, seed: 
     """
     if fit.model.is_linear:
         return Limit(level, None, reason=f"{fit.name} is linear: the orbits show no distortion to extrapolate from")
-    ratio = float(_ratio_at(fit.p, static_load, level))
+    ratio = float(ratio_at(fit.p, static_load, level))
     largest = max(orbit.rotation.size for orbit in fit.orbits) / static_load
     if not math.isfinite(ratio):
         return Limit(
@@ -160,7 +160,7 @@ def linear_limit(fit: ModelFit, static_load: float, level: float = LEVEL, seed: 
     draws = rng.multivariate_normal(
         fit.theta / scale, fit.covariance.matrix / np.outer(scale, scale), size=_DRAWS, method="svd"
     )
-    drawn = _ratio_at(fit.model.matrix @ (draws * scale).T, static_load, level)
+    drawn = ratio_at(fit.model.matrix @ (draws * scale).T, static_load, level)
     told = np.isfinite(drawn)
     _, amplitude = model_distortion(fit.p, ratio * static_load)
     if told.mean() < 0.9:
@@ -170,7 +170,7 @@ def linear_limit(fit: ModelFit, static_load: float, level: float = LEVEL, seed: 
     return Limit(level, ratio, error, (ratio - half, ratio + half), float(amplitude), ratio > 1.02 * largest)
 
 
-def _ratio_at(p: np.ndarray, static_load: float, level: float) -> np.ndarray:
+def ratio_at(p: np.ndarray, static_load: float, level: float) -> np.ndarray:
     """Return the load ratio of a distortion by halving, shape p.shape[1:]; infinite above 0.4, NaN past the fold.
 
     Distortion rises with the load up to the fold, so a load past it counts as above the level.

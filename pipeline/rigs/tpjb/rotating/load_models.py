@@ -62,11 +62,7 @@ class LoadLaw:
     def displacement(self, theta: np.ndarray, f: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:
         """Return the displacement (m), shape (2, n), under the force `f`."""
         if not self.tangent:
-            p = np.zeros((10, f.shape[1]))
-            p[:4] = self._linear(f[1])
-            for name, value in zip(self.free, theta, strict=True):
-                p[law.COEFFICIENTS.index(name)] = value
-            return law.equilibrium(p, f, near)
+            return law.equilibrium(self._coefficients(theta, f), f, near)
         # First the load along y rises to its value, then that along x at the stiffness that it meets there.
         part = 0.5 * (1 + _NODES)
         kxx, kxy, kyx, kyy = self._linear(part[:, None] * f[1])
@@ -76,22 +72,31 @@ class LoadLaw:
         kxx, kxy, kyx, kyy = self._linear(f[1])
         return np.asarray(d + np.stack([kyy, -kyx]) * f[0] / (kxx * kyy - kxy * kyx))
 
+    def _coefficients(self, theta: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """Return the ten coefficients under the load of each sample, shape (10, n)."""
+        p = np.zeros((10, f.shape[1]))
+        p[:4] = self._linear(f[1])
+        for name, value in zip(self.free, theta, strict=True):
+            p[law.COEFFICIENTS.index(name)] = value
+        return p
+
     def slopes(self, theta: np.ndarray, d: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return dd/dtheta, shape (2, k, n), and dd/df, shape (2, 2, n), by differences."""
-        by_theta = np.zeros((2, len(self.free), f.shape[1]))
-        for j in range(len(self.free)):
-            step = np.zeros(len(self.free))
-            step[j] = 1e-5 * self.scale[j]
-            up, down = (self.displacement(theta + sign * step, f, d) for sign in (1, -1))
-            by_theta[:, j] = (up - down) / (2 * step[j])
-        by_force = np.empty((2, 2, f.shape[1]))
+        """Return dd/dtheta, shape (2, k, n), and dd/df, shape (2, 2, n); with the load the stiffness changes, too."""
         push = 1e-5 * self.static_load
-        for j in range(2):
-            step = np.zeros((2, 1))
-            step[j] = push
-            up, down = (self.displacement(theta, f + sign * step, d) for sign in (1, -1))
-            by_force[:, j] = (up - down) / (2 * push)
-        return np.nan_to_num(by_theta), np.nan_to_num(by_force)
+        if self.tangent:
+            by_force = np.empty((2, 2, f.shape[1]))
+            for j in range(2):
+                step = np.zeros((2, 1))
+                step[j] = push
+                up, down = (self.displacement(theta, f + sign * step) for sign in (1, -1))
+                by_force[:, j] = (up - down) / (2 * push)
+            return np.zeros((2, 0, f.shape[1])), np.nan_to_num(by_force)
+        p = self._coefficients(theta, f)
+        by_coefficient, by_force = law.sensitivity(p, d), law.compliance(p, d)
+        stiffening = (self._linear(f[1] + push) - self._linear(f[1] - push)) / (2 * push)
+        by_force[:, 1] += np.einsum("ijn,jn->in", by_coefficient[:, :4], stiffening)
+        places = [law.COEFFICIENTS.index(name) for name in self.free]
+        return np.nan_to_num(by_coefficient[:, places]), np.nan_to_num(by_force)
 
 
 def load_laws(stiffness: StiffnessOfLoad, static_load: float) -> tuple[LoadLaw, ...]:

@@ -125,7 +125,7 @@ def _doubts(said: Judgement, group: LoadGroup, quality: Sequence[QualityFinding]
         said.warn(
             f"{group.label}: a quadratic law is not enough up to {_highest(group)}: {fit.name}, the best, leaves "
             f"{1e6 * fit.rms:.2g} um rms, {math.sqrt(fit.chi2_reduced):.2g} times the noise (chi2 per degree of freedom "
-            f"{fit.chi2_reduced:.3g}): {'what friction leaves over (see below), or ' if rubs else ''}cubic content.{lower}"
+            f"{fit.chi2_reduced:.3g}): {'what friction leaves over (see below), or ' if rubs else ''}cubic content.{_past_fold(group)}{lower}"
         )
         if group.lower is None:
             said.advise("Lower the load ratio until a quadratic law fits, then add ratios upwards.")
@@ -140,6 +140,10 @@ def _doubts(said: Judgement, group: LoadGroup, quality: Sequence[QualityFinding]
                 "Hold 60 s at zero dynamic force before and after the turns, with ramps between: this shows the static "
                 "equilibrium, on which kxx2 + kxy2 and kyx2 + kyy2 depend. Another load ratio does too."
             )
+    if fit.model.is_linear:
+        said.advise(
+            "Add a run at a higher load ratio, 15 % or more: an orbit that bends tells the quadratic terms and the linear limit."
+        )
     margin = fit.fold_margin
     if not margin > _NEAR_FOLD:
         said.warn(
@@ -153,6 +157,12 @@ def _doubts(said: Judgement, group: LoadGroup, quality: Sequence[QualityFinding]
     if group.static_load is None:
         said.warn("The static load is not known (neither static_load nor force_static): load ratios have no meaning.")
         said.advise("Give static_load for each run: in the log, in runs.csv or in the recipe.")
+
+
+def _past_fold(group: LoadGroup) -> str:
+    """Say which laws have no equilibrium under the largest load."""
+    past = [name for name, why in group.comparison.failed.items() if "fold" in why]
+    return f" {listing(past)}: invalid at this ratio, the load lies past the fold of the law." if past else ""
 
 
 def _dynamic_test(said: Judgement, consistency: Sequence[Consistency]) -> None:
