@@ -112,6 +112,8 @@ def _traced(session: Session, corpus: list[bytes], seconds: float, seed: int) ->
 
 def _reached(session: Session, data: bytes, seen: set[int]) -> tuple[str, bool]:
     """Try an input; return what came of it, and whether it went from a line to a line of the package as none before."""
+    if not session.target.followed:
+        return session.one(data), False
     before = len(seen)
     calls: Counter[CodeType] = Counter()
 

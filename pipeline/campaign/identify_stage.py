@@ -25,6 +25,7 @@ from pipeline.rigs.calibration import identify_calibrated
 from pipeline.rigs.experiment import Context
 
 LIBRARIES = ("numpy", "scipy", "numba", "lmfit", "pandas", "pyarrow")
+_NO_MARKUP = str.maketrans("<>&", "‹›+")
 _TOLD = 3  # logs left out that are told with their reasons
 _ORDER = {"error": 0, "warning": 1, "note": 2}
 
@@ -210,7 +211,8 @@ def write_plots(findings: Findings, folder: Path) -> None:
     with whole_or_not(folder / "intervals.csv") as partial, partial.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["parameter", "half_width_percent"])
-        writer.writerows((name, f"{width:.6g}") for name, width in rows)
+        # DVC puts the names into a page as they stand.
+        writer.writerows((name.translate(_NO_MARKUP), f"{width:.6g}") for name, width in rows)
 
 
 def used_findings(names: Mapping[str, Path]) -> dict[str, Findings]:

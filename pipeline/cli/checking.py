@@ -8,8 +8,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-import click
-
 from pipeline.campaign import conditions, logs
 from pipeline.campaign.logs import RunFiles
 from pipeline.campaign.recipe import Recipe, load
@@ -17,6 +15,7 @@ from pipeline.campaign.remote.named import Named, named
 from pipeline.campaign.repeated import Head, repeated
 from pipeline.campaign.runs_table import RunsTable
 from pipeline.cli.progress import progress
+from pipeline.cli.saying import say
 from pipeline.errors import InputError
 from pipeline.ingest.quality import ChannelSummary
 from pipeline.ingest.reader import RawLog
@@ -63,16 +62,16 @@ def _show_all(given: Named, recipe: Recipe | None, table: RunsTable | None) -> i
     runs = logs.runs_of(given.paths, given.origins)
     remarks = table.remarks({run.run: [path.name for _, path in run.files] for run in runs}) if table else []
     for remark in (*logs.said_shared(runs), *remarks):
-        click.echo(f"{remark.level}: {remark.message}")
+        say(f"{remark.level}: {remark.message}")
     read_so_far: list[Recording] = []
     with tempfile.TemporaryDirectory() as folder:
         for number, run in enumerate(runs):
             if number:
-                click.echo()
+                say()
             try:
                 status = max(status, _show_run(run, recipe, table, Path(folder), read_so_far))
             except InputError as error:
-                click.echo(f"rigfit: {' '.join(given.as_shown(str(error)).split())}", err=True)
+                say(f"rigfit: {' '.join(given.as_shown(str(error)).split())}", err=True)
                 status = 2
         if recipe is not None:
             status = max(status, _show_repeats(read_so_far, recipe.experiment))
@@ -83,7 +82,7 @@ def _show_repeats(recordings: Sequence[Recording], experiment: Experiment) -> in
     """Print which runs are another one's recording; 2 where their labels contradict, so that neither can be used."""
     status = 0
     for repeat in repeated([Head.of(recording) for recording in recordings], recordings, experiment):
-        click.echo(f"\n{'error' if repeat.contradicted else 'warning'}: {repeat.message}")
+        say(f"\n{'error' if repeat.contradicted else 'warning'}: {repeat.message}")
         status = max(status, 2 if repeat.contradicted else 0)
     return status
 
@@ -98,9 +97,9 @@ def _show_run(
         parts = {f"topic {table.name}" for table in log.tables}
         about = ", ".join(f"{key} {value}" for key, value in log.details.items() if key not in parts)
         called = next((names[stream] for stream, path in run.files if path == log.path), log.path)
-        click.echo(f"{called}: {log.format}{f' ({about})' if about else ''}")
+        say(f"{called}: {log.format}{f' ({about})' if about else ''}")
     if len(scan.tables) > 1:
-        click.echo(f"{len(scan.tables)} tables with {sum(len(t.summary.channels) for t in scan.tables)} channels")
+        say(f"{len(scan.tables)} tables with {sum(len(t.summary.channels) for t in scan.tables)} channels")
     for part in scan.tables:
         _show_table(part, _detail(part, scan.logs))
     _show_said(scan.logs)
@@ -132,34 +131,34 @@ def _show_said(logs: Sequence[RawLog]) -> None:
     """Print what each log says of itself, under its name where there are several; what its channels say last."""
     for log in logs:
         if log.metadata:
-            click.echo(f"said by {log.path.name}:" if len(logs) > 1 else "said by the log:")
+            say(f"said by {log.path.name}:" if len(logs) > 1 else "said by the log:")
             said = sorted(log.metadata.items(), key=lambda entry: "." in entry[0])
             for key, value in said if len(said) <= _MOST_SAID else said[: _MOST_SAID - 1]:
-                click.echo(f"  {key}: {value}")
+                say(f"  {key}: {value}")
             if len(said) > _MOST_SAID:
-                click.echo(f"  and {len(said) - _MOST_SAID + 1} more, such as {said[-1][0]}")
+                say(f"  and {len(said) - _MOST_SAID + 1} more, such as {said[-1][0]}")
 
 
 def _show_table(table: TableScan, detail: str) -> None:
     summary = table.summary
     name = f"table {table.table}: " if table.table else ""
     if table.time is None:
-        click.echo(f"{name}{summary.n} rows, no usable time")
+        say(f"{name}{summary.n} rows, no usable time")
     else:
         source = f"time from '{table.time.channel}' [{table.time.unit}]" if table.time.channel else "time by counting"
         rate = f", {summary.rate:.6g} Hz" if summary.rate == summary.rate else ""
         begins = f", begins {_date(table.begins)}" if table.begins is not None else ""
-        click.echo(f"{name}{summary.n} rows{rate}, {summary.start:.6g} to {summary.end:.6g} s, {source}{begins}")
+        say(f"{name}{summary.n} rows{rate}, {summary.start:.6g} to {summary.end:.6g} s, {source}{begins}")
     if detail:
-        click.echo(f"  {detail}")
+        say(f"  {detail}")
     rows = [_HEADINGS, *_alike(_row(channel, channel.name in table.mapped) for channel in summary.channels)]
     shown = [at for at in range(len(_HEADINGS)) if at < 1 or any(row[at] for row in rows[1:])]
     widths = {at: max(len(row[at]) for row in rows) for at in shown}
     for row in rows:
         cells = [row[at].ljust(widths[at]) if at < _WORDS else row[at].rjust(widths[at]) for at in shown]
-        click.echo(f"  {'  '.join(cells)}".rstrip())
+        say(f"  {'  '.join(cells)}".rstrip())
     if table.mapped:
-        click.echo("  * as the experiment calls it")
+        say("  * as the experiment calls it")
 
 
 def _row(channel: ChannelSummary, is_mapped: bool) -> tuple[str, ...]:
@@ -204,12 +203,12 @@ def _date(seconds: float) -> str:
 
 def _show_conditions(given: conditions.Conditions, recipe: Recipe) -> None:
     if given.values:
-        click.echo("conditions:")
+        say("conditions:")
         for name, value in given.values.items():
             spec = recipe.experiment.condition(name)
             unit = spec.unit if spec and spec.unit not in ("", "1") else ""
             shown = f"{value:.6g} {unit}".strip() if isinstance(value, float) else str(value)
-            click.echo(f"  {name}: {shown} (from {given.sources[name]})")
+            say(f"  {name}: {shown} (from {given.sources[name]})")
 
 
 def _ingested(
@@ -241,10 +240,10 @@ def _ingested(
 
 def _show_quality(quality: Sequence[QualityFinding]) -> int:
     if not quality:
-        click.echo("nothing wrong was found")
+        say("nothing wrong was found")
         return 0
     for finding in sorted(quality, key=lambda f: _ORDER[f.level]):
         span = f" at {finding.span[0]:.6g} to {finding.span[1]:.6g} s" if finding.span else ""
         channel = f" {finding.channel}" if finding.channel else ""
-        click.echo(f"{finding.level}{channel}{span}: {finding.message}")
+        say(f"{finding.level}{channel}{span}: {finding.message}")
     return 1 if any(finding.level == "error" for finding in quality) else 0

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
 from pipeline.campaign.project import Project
 from pipeline.campaign.remote.mirror import mirror
 from pipeline.campaign.remote.source import Source
 from pipeline.campaign.remote.urls import secrets, shown
 from pipeline.cli.progress import progress
+from pipeline.cli.saying import say
 from pipeline.errors import InputError, counted, listing
 
 
@@ -20,7 +19,7 @@ def fetch(name: str) -> None:
     campaign = project.campaign(name)
     url = project.dataset(name)
     if secrets(url):
-        click.echo(
+        say(
             f"warning: params.yaml: the URL of '{name}' holds a user, a password or a signature, and that file is kept under "
             "version control; take them out, they are taken from the environment (docs/logs.md).",
             err=True,
@@ -31,18 +30,18 @@ def fetch(name: str) -> None:
         raise InputError(f"{name}: {error} Recordings and reports are as they were.") from error
     folder = f"{campaign.fetched.relative_to(project.root).as_posix()}/"
     if done.foreign:
-        click.echo(
+        say(
             f"warning: {folder}: {listing(done.foreign, 8)} did not come from {shown(url)}; it is kept and counts as a log. Logs "
             f"of your own belong into {campaign.logs.relative_to(project.root).as_posix()}/.",
             err=True,
         )
     if done.unmarked:
-        click.echo(
+        say(
             f"note: {shown(url)} tells neither hash nor time of {counted(len(done.unmarked), 'log')}; such logs are fetched each "
             "time.",
             err=True,
         )
-    click.echo(
+    say(
         f"{shown(url)}: {counted(len(done.fetched), 'log')} fetched, {len(done.removed)} removed, {len(done.kept)} as before; "
         f"in {folder}"
     )

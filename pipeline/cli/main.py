@@ -18,6 +18,7 @@ from types import FrameType
 import click
 
 from pipeline import __version__
+from pipeline.cli.saying import say
 
 # The matrices here are small: two BLAS threads on busy cores are slower than one. Numpy reads it when imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -69,11 +70,11 @@ def new(experiment: str, campaign: str, title: str, datasets: str) -> None:
     if datasets and not is_url(datasets) and not (place := Path(datasets).expanduser()).is_absolute():
         datasets = os.path.relpath(place, project.root)  # in params.yaml a path begins at the project's folder
     made = project.add(campaign, find_experiment(experiment), title, datasets)
-    click.echo(f"{made.recipe.relative_to(project.root)}   says how channels are called in the logs")
+    say(f"{made.recipe.relative_to(project.root)}   says how channels are called in the logs")
     if datasets:
-        click.echo(f"params.yaml   says where the logs lie: {datasets}; dvc repro fetches what is new there")
+        say(f"params.yaml   says where the logs lie: {datasets}; dvc repro fetches what is new there")
     else:
-        click.echo(f"{made.logs.relative_to(project.root)}/   takes the logs; then run: dvc repro")
+        say(f"{made.logs.relative_to(project.root)}/   takes the logs; then run: dvc repro")
 
 
 @rigfit.command()
@@ -349,5 +350,5 @@ def _said(error: OSError) -> str:
 
 
 def _leave(text: str, status: int) -> None:
-    click.echo(f"rigfit: {' '.join(text.split())}", err=True)
+    say(f"rigfit: {' '.join(text.split())}", err=True)
     sys.exit(status)

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from pipeline.report.words import clean
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -22,7 +24,7 @@ def progress(what: str, total: int) -> Iterator[Callable[[str], None]]:
     with _shown() as bar:
         bar.columns = (*bar.columns, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         task = bar.add_task(what, total=total)
-        yield lambda name: bar.update(task, advance=1, description=f"{what} {name}")
+        yield lambda name: bar.update(task, advance=1, description=clean(f"{what} {name}"))
 
 
 @contextmanager
@@ -42,7 +44,7 @@ def share_done(what: str) -> Iterator[Callable[[float, str], None]]:
 
         def tell(share: float, part: str) -> None:
             bar.columns = (*signs[:-1], BarColumn(), TaskProgressColumn(), signs[-1], TimeRemainingColumn())
-            bar.update(task, total=1.0, completed=min(share, 1.0), description=f"{what} {part}")
+            bar.update(task, total=1.0, completed=min(share, 1.0), description=clean(f"{what} {part}"))
 
         yield tell
 
@@ -51,5 +53,5 @@ def _shown() -> Progress:
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn
 
-    parts = (SpinnerColumn(), TextColumn("{task.description}"))
+    parts = (SpinnerColumn(), TextColumn("{task.description}", markup=False))
     return Progress(*parts, console=Console(stderr=True), transient=True)

@@ -7,8 +7,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import click
-
 from pipeline.campaign import identify_stage, ingest_stage, ingested, logs, report_stage, runs_table, synthesize_stage
 from pipeline.campaign.alone import alone_in
 from pipeline.campaign.project import Campaign, Project
@@ -18,6 +16,7 @@ from pipeline.campaign.remote.urls import shown
 from pipeline.campaign.seen import Seen
 from pipeline.cli import replaying
 from pipeline.cli.progress import progress, share_done
+from pipeline.cli.saying import say
 from pipeline.errors import InputError
 from pipeline.findings import Findings
 from pipeline.findings import storage as findings_storage
@@ -77,7 +76,7 @@ def synthesize(name: str, out: Path | None, seed: int | None) -> None:
         campaign, recipe = _campaign(name)
         folder = out or campaign.synthetic
     written = synthesize_stage.synthesize(recipe, folder, recipe.synthetic.seed if seed is None else seed)
-    click.echo(f"{len(written)} logs in {folder}")
+    say(f"{len(written)} logs in {folder}")
 
 
 def ingest(name: str, force: bool) -> None:
@@ -101,15 +100,15 @@ def ingest(name: str, force: bool) -> None:
             progress=step,
         )
     for other in Project(campaign.root).not_handed_over(name, recipe.uses):
-        click.echo(
+        say(
             f"warning: {name}: its recipe uses '{other}', which DVC does not know; add '- {{campaign: {name}, of: {other}}}' "
             "under 'uses' in params.yaml.",
             err=True,
         )
     for finding in ingested.quality:
         if finding.level != "note":
-            click.echo(f"{finding.level}: {finding.run or name}: {finding.message}", err=True)
-    click.echo(f"{len(ingested.files)} recordings in {campaign.recordings.relative_to(campaign.root)}/")
+            say(f"{finding.level}: {finding.run or name}: {finding.message}", err=True)
+    say(f"{len(ingested.files)} recordings in {campaign.recordings.relative_to(campaign.root)}/")
 
 
 def identify(name: str) -> int:
@@ -134,16 +133,16 @@ def report(name: str) -> None:
     findings = findings_storage.read(campaign.results)
     page = report_stage.report(findings, recipe.experiment, recipe.title, f"dvc repro report@{name}", campaign.results)
     report_stage.entry(findings, recipe.experiment, recipe.title, campaign)
-    click.echo(page.relative_to(campaign.root).as_posix())
+    say(page.relative_to(campaign.root).as_posix())
 
 
 def index() -> int:
     """Render the index over all campaigns; 1 where one is rejected."""
     project = Project.around(Path.cwd())
     page, rejected = report_stage.index(project)
-    click.echo(page)
+    say(page)
     if rejected:
-        click.echo(f"rejected: {', '.join(rejected)}; the reports say why.", err=True)
+        say(f"rejected: {', '.join(rejected)}; the reports say why.", err=True)
     return 1 if rejected else 0
 
 
@@ -158,9 +157,9 @@ def _findings_of(other: str, campaign: Campaign) -> Path:
 
 
 def _told(findings: Findings, page: Path | None) -> int:
-    click.echo(f"{findings.campaign}: {findings.verdict}")
+    say(f"{findings.campaign}: {findings.verdict}")
     for reason in told(findings.reasons, (run.run for run in findings.runs)):
-        click.echo(f"  {reason}")
+        say(f"  {reason}")
     if page is not None:
-        click.echo(f"report: {page}")
+        say(f"report: {page}")
     return 1 if findings.verdict == "rejected" else 0

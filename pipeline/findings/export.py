@@ -25,7 +25,9 @@ def as_csv(findings: Findings) -> str:
     keys = list(dict.fromkeys(key for p in findings.parameters for key in p.at))
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["name", *keys, "value", "std_error", "type_b", "ci95_low", "ci95_high", "unit", "description"])
+    writer.writerow(
+        ["name", *map(_cell, keys), "value", "std_error", "type_b", "ci95_low", "ci95_high", "unit", "description"]
+    )
     for p in findings.parameters:
         low, high = p.ci95 or (None, None)
         at = [p.at.get(key, "") for key in keys]
@@ -43,7 +45,7 @@ def _cell(value: float | str | bool | None) -> str:
     if isinstance(value, float):
         return f"{value:.10g}"
     text = str(value)
-    return f"'{text}" if text.startswith(("=", "+", "-", "@")) else text
+    return f"'{text}" if text.lstrip().startswith(("=", "+", "-", "@")) else text
 
 
 @dataclass(frozen=True)

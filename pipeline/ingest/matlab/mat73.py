@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.ingest.hdf5 import opened
+from pipeline.ingest.hdf5 import opened, refuse_fatal
 from pipeline.ingest.matlab.values import BrokenFileError, Struct, Unread, Value
 from pipeline.ingest.unpacking import is_beyond_belief
 
@@ -40,6 +40,7 @@ def variables(path: Path) -> Iterator[tuple[str, Value]]:
     BrokenFileError
         If a variable is larger than can be read, or structures lie too deep.
     """
+    refuse_fatal(path, lambda: _looked_through(path))
     with opened(path) as file:
         size, unpacked = path.stat().st_size, 0
         for name in file:
@@ -48,6 +49,14 @@ def variables(path: Path) -> Iterator[tuple[str, Value]]:
                 if is_beyond_belief(size, unpacked):
                     raise BrokenFileError(f"it says that its {size} bytes hold {unpacked}, which is refused")
                 yield name, _value(file, file[name], name, 0)
+
+
+def _looked_through(path: Path) -> None:
+    """Look at all that tells how a file is to be read."""
+    with opened(path) as file:
+        for name in file:
+            _bytes_of(file[name], 0)
+            _class_of(file[name])
 
 
 def _bytes_of(stored: Any, depth: int) -> int:
