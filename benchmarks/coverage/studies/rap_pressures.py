@@ -7,13 +7,14 @@ campaigns is taken for true.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from benchmarks.coverage.dirt import coloured
-from benchmarks.coverage.study import OVER_SEEDS, Campaign, Case, OverSeeds, Study
 from benchmarks.coverage.rap_logs import BENCH_U, METER_U, UNEVEN, label, lossy, meters_off, pressure_noise, varied
+from benchmarks.coverage.study import OVER_SEEDS, Campaign, Case, OverSeeds, Study
 from pipeline.findings import Parameter
 from pipeline.rigs.rap.conditions import TAPS
 from pipeline.rigs.rap.pressures.declaration import PRESSURES
@@ -41,22 +42,27 @@ def campaign(case: str, seed: int) -> Campaign:
         overrides["told"] = {"flowmeter_gain_u": 0.0, "bench_gain_u": 0.0}
     recordings = coloured(rig.synthesize_pressures(overrides, seed), rng, pressure_noise(), memory=2.0)
     recordings = lossy(recordings, rng, "device", "bench")
+    if case == "standard":
+        return Campaign(recordings, known(overrides), label=label)
+    return Campaign(recordings, lambda p: OVER_SEEDS if p.name in STATISTICS else None, label=label)
+
+
+def known(overrides: Mapping[str, Any]) -> Callable[[Parameter], float | OverSeeds | None]:
+    """Return what tells the truth of a parameter; None where it has none of its own."""
     t = truth_of(PressuresTruth(), overrides)
     rho = 1e-6 * (t.device_ppm - t.bench_ppm)
     middle = 0.5 * (t.device_lag + t.duration)
-    closed = {
+    values = {
         "lag": t.device_lag + rho * middle, "clock_rate": rho, "r_access": t.R_a, "r_filter": t.R_f, "r_return": t.R_r,
         "c_return": t.C_2, "l_return": t.L_r, "c_uf": t.C_u, "k_uf": t.K_uf,
     }  # fmt: skip
 
-    def truth(p: Parameter) -> float | OverSeeds | None:
-        if case == "statistics":
-            return OVER_SEEDS if p.name in STATISTICS else None
-        tap = str(p.at.get("channel", TAPS[1]))
+    def truth(p: Parameter) -> float | None:
         sensor = {"gain": "gain", "offset": "offset", "sensor_pole": "pole"}.get(p.name)
-        return closed.get(p.name) if sensor is None else float(getattr(t, f"{sensor}_{tap}"))
+        tap = p.at.get("channel", TAPS[1])
+        return values.get(p.name) if sensor is None else float(getattr(t, f"{sensor}_{tap}"))
 
-    return Campaign(recordings, truth, label=label)
+    return truth
 
 
 STUDY = Study(PRESSURES, CASES, campaign)

@@ -136,8 +136,9 @@ def _limits(name: str, time: np.ndarray, device: np.ndarray, bench: np.ndarray, 
     mean = weights @ first / total
     sd = np.sqrt(np.maximum(weights @ second / total - mean**2, 0.0) * total / np.maximum(total - 1.0, 1.0))
     about = middle + mean
+    hidden = blocks.hidden(time, spare)
     bias, lower, upper = (
-        estimate(kind, values[0], float(np.std(values[1:], ddof=1)), dof=blocks.dof, at=at)
+        estimate(kind, values[0], hidden * float(np.std(values[1:], ddof=1)), dof=blocks.dof, at=at)
         for kind, values in zip(_KINDS, (about, about - 1.96 * sd, about + 1.96 * sd), strict=True)
     )
     return Limits(bias, lower, upper, float(sd[0]), blocks.count, time[inside], level, d)

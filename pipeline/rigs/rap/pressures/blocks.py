@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from pipeline.estimation.uncertainty import effective_size
 from pipeline.rigs.rap.pressures.levels import Level
 
 BLOCK = 20.0
@@ -18,6 +19,8 @@ BLOCK = 20.0
 _SHORTEST = 8.0
 """A level that long is at least two blocks, s."""
 _DRAWS = 2000
+# Parts of a block that tell how long noise lasts.
+_PIECES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,26 @@ class Blocks:
         if values.ndim == 1:
             return np.bincount(self.of[inside], values[inside], self.count)
         return np.stack([self.sums(column) for column in values.T], axis=-1)
+
+    def hidden(self, time: np.ndarray, values: np.ndarray) -> float:
+        """Return by how much too small errors from these blocks are because noise outlasts samples, 1 or more; (n,) each.
+
+        A block of length L shows the share 1 - tau/L of the variance of a mean over noise of memory tau. How much quarters of
+        blocks hang together tells tau.
+        """
+        inside = self.of >= 0
+        block, at = self.of[inside], time[inside]
+        first = np.searchsorted(block, np.arange(self.count))
+        last = np.searchsorted(block, np.arange(self.count), side="right") - 1
+        share = (at - at[first][block]) / np.maximum(at[last] - at[first], 1e-9)[block]
+        piece, member = np.unique(
+            _PIECES * block + np.minimum(_PIECES * share, _PIECES - 1).astype(int), return_inverse=True
+        )
+        mean = np.bincount(member, values[inside]) / np.bincount(member)
+        level = np.unique(self.level[piece // _PIECES], return_inverse=True)[1]
+        mean -= (np.bincount(level, mean) / np.bincount(level))[level]
+        together = mean.size / effective_size(mean, int(level.max()) + 1)
+        return float(1.0 / np.sqrt(1.0 - (1.0 - 1.0 / max(together, 1.0)) / _PIECES))
 
     def draws(self, seed: int = 0) -> np.ndarray:
         """Return how often each block counts in each resampled run, shape (draws, b).

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
-from pipeline.rigs.rap.pressures.agreement import Means, jackknifed, means_of
+from pipeline.estimation.uncertainty import effective_size
+from pipeline.rigs.rap.pressures.agreement import Means, means_of
 from pipeline.rigs.rap.pressures.aligned import Aligned
 from pipeline.rigs.rap.pressures.levels import Level
 
@@ -85,18 +86,18 @@ def deming(one: Aligned, levels: Sequence[Level], bench_gain_u: float | None = N
     u, v = x - shift[0], y - shift[1]
     sums = means.blocks.sums(np.stack([np.ones_like(u), u, v, u * u, v * v, u * v], axis=-1))
     whole = _line(sums.sum(axis=0), ratio, shift)
-    spread = jackknifed(np.array([_line(sums.sum(axis=0) - block, ratio, shift) for block in sums]))
+    pulls = np.stack([u / (u @ u), 1.0 / u.size - shift[0] * u / (u @ u)])
+    spread, dof = _spread(means, whole, pulls)
     type_b = whole[0] * (bench_gain_u or 0.0)
     random = np.sqrt(np.diag(spread))
-    dof_gain, dof_offset = (_dof(means, line) for line in (u / (u @ u), 1.0 / u.size - shift[0] * u / (u @ u)))
     remark = (
         f"random part {random[0]:.2g}; gain of the bench (type B) {type_b:.2g}"
         if bench_gain_u
         else f"random part alone ({random[0]:.2g}): the gain of the bench is taken as exact, bench_gain_u not being stated"
     )
     return Deming(
-        estimate("gain", whole[0], float(np.hypot(random[0], type_b)), dof=dof_gain, at=at, reason=remark),
-        estimate("offset", whole[1], float(random[1]), dof=dof_offset, at=at),
+        estimate("gain", whole[0], float(np.hypot(random[0], type_b)), dof=dof, at=at, reason=remark),
+        estimate("offset", whole[1], float(random[1]), dof=dof, at=at),
         ratio,
         noise,
         means,
@@ -104,13 +105,17 @@ def deming(one: Aligned, levels: Sequence[Level], bench_gain_u: float | None = N
     )
 
 
-def _dof(means: Means, pull: np.ndarray) -> float:
-    """Return Satterthwaite's degrees of freedom of an error that blocks tell which pull so differently; `pull` (m,).
+def _spread(means: Means, line: np.ndarray, pulls: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the covariance of gain and offset (2, 2) and its degrees of freedom; `pulls` of the means on both, (2, m).
 
-    The pump stands for one block or two, and these pull most.
+    The means scatter alike with the pump on and at rest, and those few at rest pull most: their own scatter would tell too
+    little, so it is told by all. Noise that hangs together counts by its effective number.
     """
-    shares = means.blocks.sums(pull**2)
-    return max(float(shares.sum() ** 2 / (shares @ shares)) - 1.0, 1.0)
+    residual = means.device - line[1] - line[0] * means.bench
+    number = min(effective_size(residual, 2), residual.size)
+    dof = max(number - 2.0, 1.0)
+    variance = float(residual @ residual) / max(residual.size - 2, 1) * residual.size / number
+    return variance * pulls @ pulls.T, dof
 
 
 def line_through(x: np.ndarray, y: np.ndarray, ratio: float) -> tuple[float, float]:

@@ -19,6 +19,7 @@ from pipeline.rigs.rap.therapy.command import Command
 from pipeline.rigs.rap.therapy.consistency import Consistency, consistency
 from pipeline.rigs.rap.therapy.drains import Emptying
 from pipeline.rigs.rap.therapy.fillings import Segment, causes, first_volume, not_empty, segment, without_wild_start
+from pipeline.rigs.rap.therapy.level_colour import by_minutes, colour_of
 from pipeline.rigs.rap.therapy.levels import Levels
 from pipeline.rigs.rap.therapy.tank_kalman import EMPTY_SD, GATE, LITRE, NOISE, PATIENCE, Course, TankFilter
 
@@ -121,7 +122,9 @@ def track_volume(
             spans.append((a, b, key and rest is None))
             left += [(float(time[a]), rest)] if rest is not None else []
 
-    def filtered(noise_factor: float, driving: np.ndarray) -> list[tuple[TankFilter, Course]]:
+    def filtered(
+        noise_factor: float, driving: np.ndarray, minutes: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> list[tuple[TankFilter, Course]]:
         out = []
         for a, b, is_empty in spans:
             level = without_wild_start(height[a:b], asked[a:b], tank.area)
@@ -129,7 +132,10 @@ def track_volume(
             one = TankFilter(volume, sd, tank.area, noise=driving, compiled=compiled)
             local = steps[a:b].copy()
             local[0] = 0.0
-            out.append((one, one.advance(local, asked[a:b], level, levels.variance[a:b] * noise_factor, gate)))
+            variance = levels.variance[a:b] * noise_factor
+            if minutes is not None:
+                level, variance = minutes[0][a:b], minutes[1][a:b]
+            out.append((one, one.advance(local, asked[a:b], level, variance, gate)))
         return out
 
     factor, driving, courses = 1.0, NOISE, filtered(1.0, NOISE)
@@ -140,9 +146,12 @@ def track_volume(
         factor = max(factor * told.rescale, 0.01)
         courses = filtered(factor, driving)
         told = consistency(*_innovations(courses), noise_factor=factor)
+    singly, colour, minutes = courses, 1.0, None
     if told.tested and compiled:
-        driving = _likeliest(lambda noise: filtered(factor, noise), gate)
-        courses = filtered(factor, driving)
+        colour, minutes = _coloured(time, height, asked, levels.variance * factor, tank.area, courses)
+        driving = _likeliest(lambda noise: filtered(factor, noise, minutes), gate)
+        courses = filtered(factor, driving, minutes)
+        singly = courses if minutes is None else filtered(factor, driving)
         told = consistency(*_innovations(courses), noise_factor=factor)
     smooth = [one.smoothed(steps[a:b], asked[a:b], made) for (one, made), (a, b, _) in zip(courses, spans, strict=True)]
     states = np.concatenate([made.states for _, made in courses])
@@ -152,7 +161,7 @@ def track_volume(
     widening = told.widening
     common = levels.common_sd * tank.area
     # Levels that were too wild even to start from have no innovation.
-    gated = np.concatenate([made.gated | np.isnan(made.innovation) for _, made in courses]) & np.isfinite(height)
+    gated = np.concatenate([made.gated | np.isnan(made.innovation) for _, made in singly]) & np.isfinite(height)
     used = np.isfinite(height) & ~gated
     echoes = np.flatnonzero(used)
     segments = []
@@ -179,11 +188,11 @@ def track_volume(
         smoothed_gain=later[:, 1],
         smoothed_gain_sd=widening * np.sqrt(np.maximum(later_P[:, 1, 1], 0.0)),
         measured_volume=height * tank.area,
-        innovation=np.concatenate([made.innovation for _, made in courses]),
-        innovation_sd=np.concatenate([made.spread for _, made in courses]),
+        innovation=np.concatenate([made.innovation for _, made in singly]),
+        innovation_sd=np.concatenate([made.spread for _, made in singly]),
         gated=gated,
         common_sd=common,
-        echo_variance=levels.variance * factor * tank.area**2,
+        echo_variance=levels.variance * factor * colour * tank.area**2,
         driving=driving,
         segments=tuple(segments),
         first_echo=float(time[echoes[0]]) if echoes.size else None,
@@ -194,6 +203,23 @@ def track_volume(
         consistency=told,
         problems=(*_left(left), *_problems(time, courses, gated, told, echoes.size)),
     )
+
+
+def _coloured(
+    time: np.ndarray,
+    height: np.ndarray,
+    asked: np.ndarray,
+    variance: np.ndarray,
+    area: float,
+    courses: Sequence[tuple[TankFilter, Course]],
+) -> tuple[float, tuple[np.ndarray, np.ndarray] | None]:
+    """Return how much echoes hang together, and means over minutes with their variances where they do."""
+    if any((made.extra > 0.0).any() for _, made in courses):
+        return 1.0, None
+    passed = np.concatenate([made.gated | np.isnan(made.innovation) for _, made in courses])
+    level, moved = np.where(passed, np.nan, height), np.cumsum(asked) * LITRE / area
+    colour = colour_of(time, level, moved, variance)
+    return colour, by_minutes(time, level, moved, variance, colour) if colour > 1.0 else None
 
 
 def _innovations(courses: Sequence[tuple[TankFilter, Course]]) -> tuple[np.ndarray, np.ndarray]:

@@ -102,9 +102,11 @@ def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> Temperat
     least = resolution(T) / math.sqrt(12.0)
     if 0.0 < residual_sd < least:
         sd, residual_sd = {key: one * least / residual_sd for key, one in sd.items()}, least
-    # Readings in coarse steps repeat the same error: half a step of doubt remains however many there are.
+    # Readings in steps coarser than the noise repeat the same error however many there are; noise of half a step dithers it
+    # away (mean error of a rounded Gaussian, first harmonic: Widrow, Kollar and Liu, IEEE Trans. Instrum. Meas. 45, 1996, 353).
     step = resolution(T)
-    common = step / math.sqrt(12.0) * min(1.0, step / max(4.0 * residual_sd, 1e-9))
+    noise = math.sqrt(max(residual_sd**2 - step**2 / 12.0, 0.0)) / max(step, 1e-9)
+    common = step / math.sqrt(12.0) * math.exp(-2.0 * (math.pi * noise) ** 2)
     rise = abs(values["T_inf"] - values["T_0"])
     profile = profile_intervals(t, T, least)
     lost = _why_lost(float(t[0]), span, rise, residual_sd, found.at_bound, sd, profile)
@@ -133,7 +135,11 @@ def _widened(linear: Estimate, profile: tuple[float, float] | None, common: floa
     if profile is None or linear.ci95 is None or linear.std_error is None:
         return linear
     low, high = linear.ci95
-    wide = (min(low, profile[0] - common), max(high, profile[1] + common))
+    middle = 0.5 * (low + high) if linear.value is None else linear.value
+    wide = (
+        min(low, middle - math.hypot(middle - profile[0], common)),
+        max(high, middle + math.hypot(profile[1] - middle, common)),
+    )
     if not high > low:
         return replace(linear, ci95=wide)
     return replace(linear, ci95=wide, std_error=linear.std_error * (wide[1] - wide[0]) / (high - low))
