@@ -44,7 +44,8 @@ def _lines(campaign: str, advice: Advice, experiment: Experiment) -> Iterator[st
     if not advice.proposals:
         yield f"{campaign} ({experiment.id}): no run that this rig can make would shrink an interval by much."
     else:
-        yield f"{campaign} ({experiment.id}): what to measure next, the greatest gain first. Standard errors now -> then."
+        yield f"{campaign} ({experiment.id}): what to measure next, what tells most of all parameters together first."
+        yield "Below each run the standard errors that it shrinks: now -> with it."
     for number, proposal in enumerate(advice.proposals, 1):
         yield ""
         yield from _wrapped(f"{number}. {_how(proposal, experiment)}", "   ")

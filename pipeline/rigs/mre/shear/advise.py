@@ -44,7 +44,12 @@ def advise(findings: Findings) -> Advice:
     """Return up to six single runs, the most telling first."""
     table, noise, runs = (findings.arrays.get(name) for name in (INFORMATION, NOISE, "runs"))
     if table is None or noise is None or runs is None:
-        return Advice(remarks=["No model was fitted to loops, so that nothing tells what further runs would add."])
+        return Advice(
+            remarks=[
+                "The findings hold no fit of loops that tells what further runs would add: none was made, or an earlier version of rigfit "
+                "wrote them. Identify again."
+            ]
+        )
     if findings.verdict == "rejected":
         return Advice(remarks=["The findings are rejected: what a model that does not hold would gain is no advice."])
     fitted = Fitted.of(table, noise)
