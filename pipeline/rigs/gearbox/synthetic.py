@@ -140,8 +140,10 @@ def _vibration(truth: GearboxTruth, motion: Motion, rng: np.random.Generator) ->
     stamps, moments = _clock(truth, truth.vibration_rate, truth.vibration_ppm, truth.vibration_shift)
     theta = {name: _at(motion, getattr(motion, name), moments) for name in ("theta1", "theta2")}
     turning = _at(motion, motion.w1, moments) > 0.0
-    slip = np.where(turning, np.maximum(_at(motion, motion.slip, moments), truth.creep), 0.0)
-    relative = theta["theta1"] - theta["theta2"] + truth.creep * moments
+    true_slip = _at(motion, motion.slip, moments)
+    slip = np.where(turning, np.maximum(true_slip, truth.creep), 0.0)
+    crept = np.cumsum(np.where(turning, slip - true_slip, 0.0)) / truth.vibration_rate
+    relative = theta["theta1"] - theta["theta2"] + crept
     phases = rng.uniform(0.0, 2.0 * np.pi, 4)
     carrier = 1.0 + truth.modulation * np.cos(2.0 * theta["theta1"])
     first, second = (float(order) for order in mesh_orders(teeth_of(truth.teeth)))

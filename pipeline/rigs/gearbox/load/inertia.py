@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.estimation.uncertainty import Covariance
-from pipeline.rigs.gearbox.load.load_windows import HOP, MEAN, WINDOW, Noise, Windows
+from pipeline.rigs.gearbox.load.load_windows import HOP, MEAN, WINDOW, Noise, Windows, overlaps
 from pipeline.rigs.gearbox.many import blocks
 
 NAMES = ("inertia_load", "drag_coulomb", "drag_viscous")
@@ -145,12 +145,18 @@ def _with_scatter(
 
 
 def _spread(pull: np.ndarray, windows: Windows, noise: Noise) -> np.ndarray:
-    """Return what a run's noise does to the parameters, shape (3, 3)."""
-    spread = pull @ windows.covariance(noise) @ pull.T
-    if np.all(np.diag(spread) >= 0):
-        return np.asarray(spread)
-    # A rough autocovariance cut at some lag need not be one: as if the windows were independent.
-    return np.asarray(noise.long_run * pull @ pull.T)
+    """Return what a run's noise does to the parameters, shape (3, 3): no less than noise short against the windows does.
+
+    A few steady windows tell how the noise of neighbours goes together so roughly that its sum may be small by chance; how
+    overlapping windows share noise without memory is known.
+    """
+    rough = pull @ windows.covariance(noise) @ pull.T
+    least = pull @ windows.covariance(Noise(noise.covariance[0] * overlaps(noise.covariance.size), noise.dof)) @ pull.T
+    if not np.all(np.diag(rough) > 0):
+        # An autocovariance cut at some lag need not be one.
+        return np.asarray(least)
+    wider = np.sqrt(np.maximum(np.diag(least) / np.diag(rough), 1.0))
+    return np.asarray(rough * np.outer(wider, wider))
 
 
 def _undetermined(values: np.ndarray, covariance: Covariance) -> dict[str, str]:

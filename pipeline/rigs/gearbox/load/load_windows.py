@@ -39,6 +39,22 @@ class Noise:
         return float(max(2 * self.covariance.sum() - self.covariance[0], self.covariance[0]))
 
 
+def overlaps(lags: int) -> np.ndarray:
+    """Return the correlation of windows 0, 1, ... hops apart under noise without memory, shape (lags,).
+
+    Examples
+    --------
+    >>> overlaps(10)[[0, 8, 9]].tolist()
+    [1.0, 0.0, 0.0]
+    """
+    t = np.linspace(0.0, 1.0, 801)
+    phi = np.sin(math.pi * t) ** 4
+    found = np.array([float(phi @ np.interp(t + k * HOP / WINDOW, t, phi, right=0.0)) for k in range(lags)]) / float(
+        phi @ phi
+    )
+    return np.where(np.arange(lags) * HOP < WINDOW * (1.0 - 1e-9), found, 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Windows:
     """The integrated load equation of one run, one row a window.

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
+from pipeline.estimation.uncertainty import t_quantile
 from pipeline.findings import ModelResult, Parameter
 from pipeline.findings.findings import OperatingPoint
 from pipeline.rigs.gearbox.campaign_numbers import CampaignNumbers
@@ -277,11 +279,11 @@ def _speeds(run: RunNumbers) -> list[Parameter]:
     at: OperatingPoint = {"run": run.name}
     value, error = run.speed_out
     out = (
-        estimate("speed_out_nominal", value, error)
+        _bounded_by_clock(run, "encoder", estimate("speed_out_nominal", value, error))
         if math.isfinite(value)
         else undetermined("speed_out_nominal", _NO_FOS)
     )
-    told = parameter(out, at, _clock_told(run, "encoder", out), "slope of the counts")
+    told = _with_clock(run, "encoder", parameter(out, at, _clock_told(run, "encoder", out), "slope of the counts"))
     speed = run.speed_in
     if speed is None:
         return [told, parameter(undetermined("speed_in_sos", _NO_SOS), at)]
@@ -289,8 +291,27 @@ def _speeds(run: RunNumbers) -> list[Parameter]:
         reason = f"{speed.told}: {speed.value:.4g} rad/s, neither measured nor seen in the vibration"
         return [told, parameter(undetermined("speed_in_sos", reason), at)]
     own = estimate("speed_in_sos", speed.value, speed.std_error, dof=speed.dof)
-    clock = _clock_told(run, "vibration", own) if speed.source == "mesh lines" else ""
-    return [told, parameter(own, at, "; ".join(part for part in (speed.told, clock) if part), speed.source)]
+    if speed.source != "mesh lines":
+        return [told, parameter(own, at, speed.told, speed.source)]
+    own = _bounded_by_clock(run, "vibration", own)
+    words = "; ".join(part for part in (speed.told, _clock_told(run, "vibration", own)) if part)
+    return [told, _with_clock(run, "vibration", parameter(own, at, words, speed.source))]
+
+
+def _bounded_by_clock(run: RunNumbers, board: str, speed: Estimate) -> Estimate:
+    """Return a speed whose interval allows for a clock that is off by its limits at the most, anywhere as likely."""
+    clock = run.run.rate_sd.get(board, 0.0) * abs(speed.value or 0.0)
+    if not clock or speed.value is None or speed.std_error is None or speed.ci95 is None:
+        return speed
+    own = math.sqrt(max(speed.std_error**2 - clock**2, 0.0))
+    half = math.hypot(0.95 * math.sqrt(3.0) * clock, t_quantile(speed.dof) * own)
+    return replace(speed, ci95=(speed.value - half, speed.value + half))
+
+
+def _with_clock(run: RunNumbers, board: str, speed: Parameter) -> Parameter:
+    """Return a speed with the share of its error that is the clock's (type B)."""
+    clock = run.run.rate_sd.get(board, 0.0) * abs(speed.value or 0.0)
+    return speed.model_copy(update={"type_b": clock}) if clock and speed.std_error is not None else speed
 
 
 def _clock_told(run: RunNumbers, board: str, speed: Estimate) -> str:
@@ -332,6 +353,10 @@ def _events(run: RunNumbers) -> list[Parameter]:
         time = run.segmentation.events.get(event)  # type: ignore[call-overload]
         own = undetermined("event_time", "it did not happen or cannot be seen") if time is None else None
         lost = run.torques.withheld.get(("event", "brake"), "")
+        if event == "unlock" and run.saturated("torque_in", "brake"):
+            own = undetermined(
+                "event_time", "torque_in stands at its end stop when the lock breaks: its peak tells no moment"
+            )
         if lost and (event == "unlock" or (event == "brake_onset" and _lost_at(run, time))):
             own = undetermined("event_time", lost)
         one = own or estimate("event_time", time.time, time.sd)

@@ -55,6 +55,7 @@ def judge(
     _sensors(said, campaign, settings)
     _input_speed(said, campaign)
     _inertia(said, campaign)
+    _speeds(said, campaign, settings)
     for sentence in missing(parameters, many):
         said.warn(sentence)
     if many:
@@ -185,6 +186,19 @@ def _input_speed(said: Judgement, campaign: CampaignNumbers) -> None:
         "lines do not fit the teeth."
         if doubted
         else "Log the input speed, or vibration at 2.5 kHz or more: the power in SOS rests on an assumed input speed."
+    )
+
+
+def _speeds(said: Judgement, campaign: CampaignNumbers, settings: LoadExchangeSettings) -> None:
+    """Say at how many speeds to measure where friction over speed cannot be told."""
+    speeds, least = len(campaign.speeds), settings.least_speeds
+    if not 0 < speeds < least:
+        return
+    lacking = "the law of the locked drag"
+    if campaign.slip_law is None:
+        lacking += ", and at two for the slip torque over the slip"
+    said.advice.append(
+        f"Repeat the cycle at {least} speeds or more (now {counted(speeds, 'speed')}), the fastest at four times the slowest: for {lacking}."
     )
 
 

@@ -37,6 +37,8 @@ _SIGNIFICANT = 25.0
 _WIND_UP, _SPEEDS_UP, _ASTRAY = 0.25, 0.2, 0.1
 # A motor that was switched on has wound the shafts up when its torque is so large a share of that of FOS.
 _WOUND = 0.33
+# How far two readings of a start are apart is one draw: they may agree by chance, s.
+_SHAPE = 0.005
 # After the drive lets go only so much is fitted, s: soon the load drives the gearbox, and the lag is another.
 _FALLS = 0.03
 # Where the lag of the drive is not known: as much, s, as standard error too.
@@ -91,7 +93,7 @@ def startup_event(record: Record, counts: Counts, stages: Sequence[Stage], drive
     lags = (drive.lag, max(drive.lag - drive.lag_sd, 0.1 * drive.lag), drive.lag + drive.lag_sd)
     found, less, more = (find_lagged_break(time, level, columns, _speeds_up, within, (lag,), noise)[0] for lag in lags)
     # The straight bend, earlier by the lag, tells the same: how far both are apart shows what the shape leaves open.
-    shape = bend.time - drive.lag - found.time
+    shape = max(abs(bend.time - drive.lag - found.time), _SHAPE)
     return {"startup": EventTime(found.time, math.hypot(found.sd, 0.5 * (more.time - less.time), shape))}
 
 
