@@ -22,6 +22,7 @@ from pipeline.rigs.registry import experiment as find_experiment
 
 _WIDTH = 96
 _TOLD = 8  # intervals of one proposal
+_WORTH_TELLING = 1.05  # times smaller
 
 
 def advise(campaign: str, as_json: bool) -> None:
@@ -50,7 +51,7 @@ def _lines(campaign: str, advice: Advice, experiment: Experiment) -> Iterator[st
         yield ""
         yield from _wrapped(f"{number}. {_how(proposal, experiment)}", "   ")
         yield from _wrapped(f"   {clean(proposal.why)}", "   ")
-        told = proposal.shrinks[:_TOLD]
+        told = [one for one in proposal.shrinks if one.factor is None or one.factor >= _WORTH_TELLING][:_TOLD]
         width = max((len(_name(one, experiment)) for one in told), default=0)
         yield from (f"     {_name(one, experiment):{width}}  {_shrunk(one)}" for one in told)
     for remark in advice.remarks:

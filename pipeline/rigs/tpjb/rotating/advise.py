@@ -34,6 +34,7 @@ _FOLD_MARGIN = 0.3
 # Standard error over the size at which a number counts as determined; least gain that is worth a line.
 _TOLD, _WORTH = 0.3, 1.02
 _MOST = 5
+_MOST_AT_ONE_LOAD = 2  # further ratios tell the same, and less of it
 # Of a coefficient over its typical size, for the slope of the linear limit, which is found by halving.
 _STEP = 0.02
 
@@ -111,6 +112,7 @@ def advise(findings: Findings) -> Advice:
         own = {p.name: p for p in findings.parameters if p.at == state.at}
         gradients = state.gradients()
         sizes = _sizes(state)
+        here: list[tuple[float, Proposal]] = []
         for ratio in state.ratios():
             then = state.known + state.run(ratio)
             shrinks = [_shrinkage(own[name], then, slope, sizes) for name, slope in gradients.items() if name in own]
@@ -118,7 +120,8 @@ def advise(findings: Findings) -> Advice:
             worth = [s for s in shrinks if _gain(s) > math.log(_WORTH)]
             if worth:
                 worth.sort(key=_gain, reverse=True)
-                found.append((gain, _proposal(state, ratio, worth)))
+                here.append((gain, _proposal(state, ratio, worth)))
+        found += sorted(here, key=lambda entry: -entry[0])[:_MOST_AT_ONE_LOAD]
         ruled = [
             name for name in gradients if name in own and (own[name].type_b or 0.0) > (type_a(own[name]) or math.inf)
         ]
