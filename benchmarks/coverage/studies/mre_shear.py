@@ -70,7 +70,12 @@ def truth(parameter: Parameter) -> float | None:
         return _metrics(str(at["run"]), float(at["frequency"]))[name]
     if name in _EFFECTS:
         return _effects(_current(parameter), round(float(at["preload"]), -2))[name]
-    derived = {"tau": _TRUTH.s1 / _TRUTH.k1, "run_scatter": _TRUTH.gain_scatter}
+    derived = {
+        "tau": _TRUTH.s1 / _TRUTH.k1,
+        "run_scatter": _TRUTH.gain_scatter,
+        "k1_plus_k2": _TRUTH.k1 + _TRUTH.k2,
+        "k2_plus_alpha_rho": _TRUTH.k2 + _TRUTH.alpha_bw * _TRUTH.rho,
+    }
     if name == "k_mr":
         return _TRUTH.k_mr_at(_current(parameter))
     if name == "s_mr":

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.estimation.profile import ProfileInterval, profile_interval
+from pipeline.estimation.residuals import whiteness
 from pipeline.estimation.selection import Candidate
 from pipeline.estimation.separable import SeparableFit, covariance_of
 from pipeline.estimation.uncertainty import Covariance, effective_size, widened
@@ -29,11 +30,24 @@ _SURE_DRIFT, _LEAST_DRIFT = 8.0, 5e-3  # standard errors; of the largest step
 
 
 @dataclass(frozen=True, eq=False)
+class Admitted:
+    """A direction with a second lag admitted that the log does not tell: [L, ln_tau1, ln_tau2] and their covariance.
+
+    `matrix` is None where the second lag ended at a bound or is the first once more. `intervals` are those of L and ln_tau1,
+    by their names in the fit.
+    """
+
+    q: np.ndarray
+    matrix: np.ndarray | None
+    intervals: Mapping[str, ProfileInterval]
+
+
+@dataclass(frozen=True, eq=False)
 class LagFit:
     """The fit of one log. `values` holds L, ln_tau1 (and ln_tau2, the smaller) by direction, as ``"rise.L"``; `names` their order in `q` and `covariance`.
 
-    `drift` is what the force drifts over the log beside creep, N, where that was fitted along. `profiles` holds the values and intervals of L and
-    ln_tau1 with a second lag admitted, for directions in which none was told.
+    `drift` is what the force drifts over the log beside creep, N, where that was fitted along. `admitted` holds directions in which no second lag was
+    told, with one admitted.
     """
 
     record: Record
@@ -48,7 +62,7 @@ class LagFit:
     effective: float
     at_bound: frozenset[str]
     drift: float
-    profiles: Mapping[str, tuple[float, ProfileInterval]]
+    admitted: Mapping[str, Admitted]
 
     @property
     def values(self) -> dict[str, float]:
@@ -130,14 +144,14 @@ def fit_lags(record: Record) -> Found:
     problem = Problem(record, lags, Rows.all_of(record, kept), drifts)
     found = _result(problem, _best(problem, [dict(zip(problem.names, rough.q.tolist(), strict=True))]), kept)
     scale = found.sigma**2 * max(int(kept.sum()) / effective, 1.0)
-    profiles: dict[str, tuple[float, ProfileInterval]] = {}
+    admitted: dict[str, Admitted] = {}
     for direction in present:
         resolved = any(step.spread == 0 or record.stairs.is_set_point for step in record.of(direction))
         if lags[direction] == 1 and resolved:
             wider = Problem(record, {**lags, direction: 2}, rows, drifts)
             begin = _of_both(single, double, present, wider.lags)
-            profiles |= _profiles(wider, direction, begin, scale, found)
-    return Found(replace(found, effective=effective, profiles=profiles), candidates)
+            admitted[direction] = _admitted(wider, direction, begin, scale, found)
+    return Found(replace(found, effective=effective, admitted=admitted), candidates)
 
 
 def _drifts(problem: Problem, fit: SeparableFit) -> bool:
@@ -160,17 +174,20 @@ def _needed(problem: Problem, fit: SeparableFit) -> bool:
     return abs(float(fit.c[-1])) > _LEAST_DRIFT * size
 
 
-def _profiles(
-    problem: Problem, direction: str, start: Mapping[str, float], scale: float, chosen: LagFit
-) -> dict[str, tuple[float, ProfileInterval]]:
-    """Return the values and intervals of L and ln_tau1 of a direction with a second lag admitted, on thinned rows."""
+def _admitted(problem: Problem, direction: str, start: Mapping[str, float], scale: float, chosen: LagFit) -> Admitted:
+    """Fit a direction with a second lag admitted, on thinned rows; `scale` is the variance of their unit weight."""
     best = _best(problem, [start])
     names = dict(zip(problem.names, best.q.tolist(), strict=True))
-    first, second = f"{direction}.ln_tau1", f"{direction}.ln_tau2"
-    if names[first] < names[second]:
-        names[first], names[second] = names[second], names[first]
+    own = [f"{direction}.L", f"{direction}.ln_tau1", f"{direction}.ln_tau2"]
+    places = [problem.names.index(name) for name in own]
+    if names[own[1]] < names[own[2]]:
+        names[own[1]], names[own[2]] = names[own[2]], names[own[1]]
+        places[1:] = places[:0:-1]
+    matrix = None
+    if not best.at_bound[places].any() and names[own[1]] - names[own[2]] > ALIKE:
+        matrix = (covariance_of(best.jacobian)[0] * scale)[np.ix_(places, places)]
     found = {}
-    for name, guess in ((f"{direction}.L", 0.003), (first, 0.03)):
+    for name, guess in ((own[0], 0.003), (own[1], 0.03)):
         place = chosen.names.index(name)
         error = float(np.sqrt(chosen.covariance.matrix[place, place]))
         error = error if math.isfinite(error) and error > 0 else guess
@@ -183,11 +200,10 @@ def _profiles(
             return fit.chi2
 
         least = min(best.chi2, misfit(names[name]))
-        interval = profile_interval(
+        found[name] = profile_interval(
             misfit, names[name], least, max(error, guess), dof=chosen.covariance.dof, scale=scale, reach=40.0
         )
-        found[name] = (names[name], interval)
-    return found
+    return Admitted(np.array([names[name] for name in own]), matrix, found)
 
 
 def _choices(present: Sequence[str]) -> list[dict[str, int]]:
@@ -271,7 +287,10 @@ def _result(problem: Problem, fit: SeparableFit, kept: np.ndarray) -> LagFit:
             together = np.delete(together, one, axis=1)
     matrix = np.full((held.size, held.size), np.nan)
     plain, _ = covariance_of(jacobian @ together)
-    free = widened(plain * fit.chi2 / max(fit.dof, 1), fit.residual)
+    white = whiteness(fit.residual, q.size).passed
+    scaled = plain * fit.chi2 / max(fit.dof, 1)
+    # The correlation time of few white samples is little more than noise, and so would be the errors.
+    free = Covariance(scaled, float(fit.dof), "white residual") if white else widened(scaled, fit.residual)
     matrix[np.ix_(~held, ~held)] = (together @ free.matrix @ together.T)[np.ix_(~held, ~held)]
     covariance = Covariance(matrix, free.dof, free.method)
     everything = np.ones(problem.record.time.size, dtype=bool)
@@ -287,7 +306,7 @@ def _result(problem: Problem, fit: SeparableFit, kept: np.ndarray) -> LagFit:
         model,
         problem.record.force - model,
         kept,
-        effective_size(fit.residual, q.size),
+        float(fit.residual.size) if white else effective_size(fit.residual, q.size),
         frozenset(name for name, there in zip(problem.names, bound, strict=True) if there),
         float(fit.c[-1]) if problem.drift else 0.0,
         {},

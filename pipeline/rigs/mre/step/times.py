@@ -8,9 +8,8 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.estimation.estimate import Estimate, undetermined
-from pipeline.estimation.profile import ProfileInterval
 from pipeline.estimation.uncertainty import t_quantile
-from pipeline.rigs.mre.step.lag_fit import ALIKE, LagFit
+from pipeline.rigs.mre.step.lag_fit import ALIKE, Admitted, LagFit
 from pipeline.rigs.mre.step.lag_problem import parts_of
 from pipeline.rigs.mre.step.lags import passes, response
 from pipeline.rigs.mre.step.record import DIRECTIONS, Step
@@ -80,7 +79,8 @@ def _of(fit: LagFit, direction: str, force_lag: float) -> list[Estimate]:
     answer = max(abs(fit.gain(largest(fit, direction)[0]) * step.size), 1e-12)
     sd[0] = math.hypot(sd[0], steps * taus[0] / answer)
     found = [_delay(values[0] - force_lag, math.hypot(sd[0], step.spread), hidden, dof, at)]
-    found[0] = _with_profile(found[0], fit.profiles.get(f"{direction}.L"), -force_lag)
+    wider = fit.admitted.get(direction)
+    found[0] = _with_second(found[0], wider, f"{direction}.L", -force_lag)
     apart = len(taus) == 1 or (values[1] - values[2]) > max(
         _APART * math.sqrt(max(matrix[1, 1] + matrix[2, 2] - 2 * matrix[1, 2], 0.0)), ALIKE
     )
@@ -107,7 +107,7 @@ def _of(fit: LagFit, direction: str, force_lag: float) -> list[Estimate]:
                 half = _exp(t * relative)
                 value = taus[number]
                 told = Estimate(name, value, value * relative, (value / half, value * half), at, dof=dof)
-                found.append(_with_profile(told, fit.profiles.get(f"{direction}.ln_tau1"), logarithmic=True))
+                found.append(_with_second(told, wider, f"{direction}.ln_tau1"))
     return [*found, *_passing(fit, direction, values, matrix, force_lag, at)]
 
 
@@ -118,18 +118,15 @@ def coarse(fit: LagFit) -> float:
     return step / math.sqrt(12) * math.sqrt(2) if step > _COARSE * fit.sigma else 0.0
 
 
-def _with_profile(
-    told: Estimate,
-    profile: tuple[float, ProfileInterval] | None,
-    shift: float = 0.0,
-    *,
-    logarithmic: bool = False,
-) -> Estimate:
+def _with_second(told: Estimate, wider: Admitted | None, name: str, shift: float = 0.0) -> Estimate:
     """Take value and interval as a second lag that cannot be told admits them: without it both hold a part of that lag."""
-    if profile is None or told.value is None or told.ci95 is None:
+    if wider is None or told.value is None or told.ci95 is None:
         return told
-    best, interval = profile
-    value, low, high = (_exp(v) if logarithmic else v + shift for v in (best, interval.low, interval.high))
+    interval, logarithmic = wider.intervals[name], name.endswith("ln_tau1")
+    value = float(wider.q[1 if logarithmic else 0])
+    value, low, high = (_exp(v) if logarithmic else v + shift for v in (value, interval.low, interval.high))
+    if not logarithmic:  # a second lag that is none would be made up for by an answer before its cause
+        value = max(value, min(told.value, 0.0))
     low, high = min(low, told.ci95[0]), max(high, told.ci95[1])
     if not math.isfinite(low) or not math.isfinite(high) or (logarithmic and high > 10 * low):
         return undetermined(told.name, "a second lag that cannot be told from it leaves it open", told.at)
@@ -160,6 +157,9 @@ def _passing(
     at: dict[str, float | str | bool],
 ) -> list[Estimate]:
     """Return t63 and t90 of the largest step, counted from the onset of its current."""
+    wider = fit.admitted.get(direction)
+    if wider is not None and wider.matrix is not None:  # one lag alone answers too late at first and too soon at last
+        values, matrix = wider.q, wider.matrix
     number, step = largest(fit, direction)
     record = fit.record
     share = parts_of(record)[number] / (step.after - step.before)
