@@ -132,18 +132,18 @@ def _campaigns() -> Path:
 
 def _findings(data: bytes, folder: Path) -> None:
     """Do what `rigfit report`, `export` and `--with` do with findings; the arrays beside them are good ones."""
+    from pipeline.campaign import report_stage
     from pipeline.errors import InputError
     from pipeline.findings.export import as_csv, bearing_tables
     from pipeline.findings.storage import read
     from pipeline.report.index import index_entry, render_index
-    from pipeline.report.page import render_report
     from pipeline.rigs.registry import experiment
 
     shutil.copytree(_campaigns() / "reports" / "arrays", folder / "arrays")
     (folder / "findings.json").write_bytes(data)
     findings = read(folder)
-    page = render_report(findings, experiment("mre.axial"), "title", "command")
-    refuse_live(page)
+    page = report_stage.report(findings, experiment("mre.axial"), "title", "command", folder)
+    refuse_live(page.read_text(encoding="utf-8"))
     refuse_live(render_index([index_entry(findings, experiment("mre.axial"), "title", "x/report.html")]))
     as_csv(findings).encode()
     try:

@@ -6,6 +6,8 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from pipeline.campaign.project import Campaign, Project
 from pipeline.errors import InputError
 from pipeline.findings import Findings
@@ -16,11 +18,32 @@ from pipeline.rigs.experiment import Experiment
 
 
 def report(findings: Findings, experiment: Experiment, title: str, command: str, folder: Path) -> Path:
-    """Write ``report.html`` into `folder`."""
+    """Write ``report.html`` into `folder`.
+
+    Raises
+    ------
+    InputError
+        If the findings are another experiment's, or their settings none of it.
+    """
+    _refuse_foreign(findings, experiment)
     page = folder / "report.html"
     with whole_or_not(page) as partial:
         partial.write_text(render_report(findings, experiment, title, command), encoding="utf-8")
     return page
+
+
+def _refuse_foreign(findings: Findings, experiment: Experiment) -> None:
+    try:
+        experiment.settings.model_validate(findings.settings)
+        fault = "" if findings.experiment == experiment.id else f"they are of '{findings.experiment}'"
+    except ValidationError as error:
+        first = error.errors()[0]
+        fault = f"settings.{'.'.join(map(str, first['loc']))}: {first['msg']}"
+    if fault:
+        raise InputError(
+            f"the findings of '{findings.campaign}' are not as {experiment.id} writes them: {fault}. Run 'rigfit identify "
+            f"{findings.campaign}' again."
+        )
 
 
 def entry(findings: Findings, experiment: Experiment, title: str, campaign: Campaign) -> Path:

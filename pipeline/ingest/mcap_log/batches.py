@@ -182,6 +182,8 @@ class Messages:
                     add_length(length)
                 elif opcode in _DEFINITIONS:
                     self.layout.define(opcode, data[at + RECORD_HEAD.size : min(at + RECORD_HEAD.size + length, end)])
+                elif not opcode:  # no record: zeros would be walked over nine by nine
+                    break
                 at += RECORD_HEAD.size + length
             if starts and starts[-1] + RECORD_HEAD.size + lengths[-1] > end:
                 starts.pop()
