@@ -68,12 +68,6 @@ def test_the_line_is_told_by_switching_uf():
     assert wrong.one("stroke_volume_mean").value == pytest.approx(1.004 * 0.8e-6, rel=0.003)
 
 
-def test_a_wrong_line_is_suspected_even_where_uf_was_never_off():
-    found = identified(logs(flowmeter_location="return", uf_flow=UF, told={"flowmeter_location": "access"}))
-    assert found.one("stroke_volume").value is None
-    assert "meter reads Q_b - Q_uf" in warnings(found)
-
-
 def test_air_in_the_circuit_spoils_e2_and_not_e3_and_is_told():
     found = identified(logs(faults=[{"kind": "air_bubble", "run": VAL}]))
     assert found.one("flow_error_max", estimator="E2", set="holdout").value > 0.1
@@ -184,19 +178,6 @@ def test_a_meter_far_from_what_is_set_is_doubted():
     found = identified(touched(usual(), "blood_flow_bench", lambda _t, v: 0.45 * v))
     assert found.verdict != "ok"
     assert "times the set-point" in warnings(found)
-
-
-def test_a_rotor_rate_in_place_of_the_strokes_gives_no_number():
-    def slower(recordings):
-        """Stamp the pressures three times slower: what a log of the rotor's rate would show."""
-        return touched(
-            touched(recordings, "blood_flow_bench", lambda _t, v: 3.0 * v), "blood_flow_set", lambda _t, v: 3.0 * v
-        )
-
-    found = identified(slower(usual()))
-    assert all(found.one(name).value is None for name in COEFFICIENTS)
-    assert "rotor" in found.one("stroke_volume").description
-    assert found.verdict == "rejected"
 
 
 def test_the_encoder_is_a_cross_check():

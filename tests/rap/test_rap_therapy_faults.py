@@ -100,30 +100,6 @@ def test_dead_accelerometer_is_named() -> None:
     assert "not even gravity" in reasons["tank_accel_z"]
 
 
-def test_exchanged_pressures_give_no_membrane() -> None:
-    run = short()
-    other = {
-        "pressure_prefilter_rap": run.values("pressure_return_rap"),
-        "pressure_return_rap": run.values("pressure_prefilter_rap"),
-    }
-    findings = found(altered(run, lambda k, v: other.get(k, v)))
-    assert findings.one("k_uf_initial").value is None
-    assert "exchanged" in findings.one("k_uf_initial").description
-
-
-def test_pressures_in_mmhg_labelled_pascal_are_named() -> None:
-    names = ("pressure_access_rap", "pressure_prefilter_rap", "pressure_return_rap", "pressure_uf_rap")
-    findings = found(altered(short(), lambda k, v: v / 133.322 if k in names else v))
-    assert "133" in findings.one("k_uf_initial").description
-    assert findings.one("k_uf_initial").value is None
-
-
-def test_frozen_ultrafiltrate_sensor_gives_no_membrane() -> None:
-    findings = found(made(faults=[{"kind": "stuck", "channel": "pressure_uf_rap", "start": 100.0}]))
-    assert "frozen" in said(findings)
-    assert findings.one("k_uf_initial").value is None
-
-
 def test_table_in_minutes_is_named_and_not_used() -> None:
     run = short()
     scale = run.streams["scale"]
@@ -141,34 +117,6 @@ def test_table_that_ends_early_is_told() -> None:
 
 def test_log_that_ends_in_therapy_is_told() -> None:
     assert "without TERMINATION" in said(found(cut(short(), 0.0, 1800.0)))
-
-
-def test_tank_emptied_without_key_is_told_and_the_account_goes_on() -> None:
-    findings = found(made(faults=[{"kind": "drain", "start": 1200.0, "end": 1240.0, "key": False}]))
-    assert "without drain_pressed" in said(findings)
-
-
-def test_lost_echo_is_told_with_what_dead_reckoning_leaves_open() -> None:
-    findings = found(made(faults=[{"kind": "echo_lost", "start": 800.0, "end": 2200.0}]))
-    assert "level-blind for 23 min" in said(findings)
-    assert "dead reckoning" in said(findings)
-
-
-def test_tilted_tank_is_told() -> None:
-    findings = found(made(faults=[{"kind": "tilt", "start": 800.0, "end": 1100.0, "size": np.radians(15.0)}]))
-    assert "tilt over 12 deg" in said(findings)
-
-
-def test_touched_scale_is_told() -> None:
-    findings = found(made(faults=[{"kind": "scale_touched", "start": 1200.0, "end": 2500.0}]))
-    assert "scale disturbed" in said(findings)
-
-
-def test_ultrafiltration_without_circulation_is_a_stop_condition() -> None:
-    run = made(runs=["rap_faults"], faults=[{"kind": "uf_without_blood", "start": 100.0, "end": 130.0}])
-    findings = found(run)
-    assert "without circulation" in said(findings)
-    assert findings.verdict == "warning"
 
 
 def test_what_level_and_scale_disagree_by_is_in_the_errors_of_what_rests_on_the_level() -> None:
@@ -205,11 +153,6 @@ def test_part_that_a_run_cannot_tell_is_warned_of_though_another_run_tells_it() 
     findings = found(run, replace(altered(run, conditions={"tank_lx": None}), run="no_tank"))
     assert findings.one("uf_volume_final", run="rap_therapy_312").value is not None
     assert any("no_tank" in reason and "uf_volume_final" in reason for reason in findings.reasons)
-
-
-def test_weak_pump_without_regulation_is_told_against_the_scale() -> None:
-    findings = found(made(pump_gain=0.85, closed_loop=False))
-    assert "UF pump gain" in said(findings)
 
 
 def test_skew_of_the_two_units_is_told() -> None:

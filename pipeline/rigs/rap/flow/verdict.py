@@ -14,6 +14,7 @@ from pipeline.errors import counted
 from pipeline.findings import Parameter
 from pipeline.recording import QualityFinding
 from pipeline.rigs.judgement import Judgement
+from pipeline.rigs.rap.flow.calibration import speeds_of
 from pipeline.rigs.rap.flow.declaration import FlowSettings
 from pipeline.rigs.rap.flow.determined import CLAMP_ADVICE
 from pipeline.rigs.rap.flow.results import Campaign, ErrorRow
@@ -21,6 +22,8 @@ from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT
 from pipeline.rigs.rap.flow.trap import unclamped
 
 _TOLD = 5
+# Speeds of which one can be left out to try the others.
+_SPEEDS = 3
 CORE = ("stroke_volume", "y0", "y1", "stroke_volume_mean", "pump_compliance")
 
 
@@ -107,6 +110,11 @@ def _next(said: Judgement, found: Campaign) -> None:
     metered = any(run.run.meter is not None for run in found.runs)
     if found.calibration.size and not (~unclamped(found.calibration)).any():
         said.advise(CLAMP_ADVICE)
+    if found.calibration.size and speeds_of(found.calibration) < _SPEEDS:
+        said.advise(
+            "Calibrate at three set-points or more, 60, 80 and 100 mL/min say, with the same clamps at each: how the pulsation answers to speed (y0, y1) "
+            "shows between them, and one of them can be left out to try the others."
+        )
     if not any(row.set == HOLDOUT for row in found.errors):
         said.advise(
             "Hold out runs at other clamp settings and with another tube, and state the condition set: holdout."

@@ -167,13 +167,15 @@ def _repeated(record: Record, source: Source) -> list[QualityFinding]:
     count = int(rows.sum())
     if count <= max(_FEW, _REPEATED * rows.size):
         return []
-    first = float(together[0].time[1:-1][rows][0])
+    at = together[0].time[1:-1][rows]
+    # Now and then a row repeats by chance: where most of them stand counts.
+    low, high = (float(end) for end in np.quantile(at, [0.1, 0.9]))
     text = (
         f"duplicated samples: {count} rows repeat the one before in {', '.join(one.name for one in together)} while the pressures move on around them "
-        f"(first at {first:.4g} s): the logger writes faster than the converter samples, or holds the last value over a lost one. Their values are up "
+        f"(most of them from {low:.4g} to {high:.4g} s): the logger writes faster than the converter samples, or holds the last value over a lost one. Their values are up "
         "to a step late, which blurs lag and pole"
     )
-    return [QualityFinding("warning", text, record.run, together[0].name)]
+    return [QualityFinding("warning", text, record.run, together[0].name, (low, high))]
 
 
 def resolution(one: Signal) -> float:

@@ -91,7 +91,7 @@ def _take(recording: Recording, settings: TherapySettings, campaign: _Campaign) 
         return
     checks = checks_of(run, settings)
     campaign.quality += [
-        QualityFinding("warning", one.sentence, run.run)
+        QualityFinding("warning", one.sentence, run.run, span=one.span)
         for one in checks
         if one.criterion in OF_THE_LOG and one.mood in ("warning", "rejected")
     ]

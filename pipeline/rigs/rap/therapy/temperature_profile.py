@@ -39,7 +39,7 @@ def profile_intervals(time: np.ndarray, values: np.ndarray, least: float) -> dic
         inverse = np.linalg.pinv(design.T @ design)
         best[k] = inverse @ (design.T @ values)
         misfit[k] = float(np.sum((values - design @ best[k]) ** 2))
-        spread[k] = np.diag(inverse)
+        spread[k] = np.maximum(np.diag(inverse), 0.0)
     dof = max(time.size - 3, 1)
     noise = max(float(misfit.min()) / dof, least**2)
     allowed = misfit - misfit.min() <= noise * t_quantile(dof) ** 2

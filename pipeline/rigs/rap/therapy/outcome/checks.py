@@ -33,6 +33,7 @@ class Check:
     word: str
     mood: Mood
     sentence: str
+    span: tuple[float, float] | None = None
 
 
 def checks_of(run: RunNumbers, settings: TherapySettings) -> list[Check]:
@@ -175,11 +176,14 @@ def _circulation(run: RunNumbers) -> Iterator[Check]:
     volume = sum(one.volume for one in alone if math.isfinite(one.volume))
     sure = any(one.certain for one in alone)
     seconds = sum(one.end - one.start for one in alone)
+    first, last = min(one.start for one in alone), max(one.end for one in alone)
     found = f"{seconds:.0f} s, {volume / ML:.1f} mL"
     yield Check(
         run.run, _CIRCULATION, found, "none", "stop condition" if sure else "suspected",
         "rejected" if sure else "warning",
-        f"Ultrafiltration without circulation, {found}: a stop condition" + ("." if sure else ", by the set rate alone."),
+        f"UF without circulation: the blood pump stands and ultrafiltrate is drawn, {found}, from {first:.0f} s on: a stop condition"
+        + ("." if sure else ", by the set rate alone."),
+        (first, last),
     )  # fmt: skip
 
 
