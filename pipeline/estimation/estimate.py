@@ -23,6 +23,8 @@ class Estimate:
         Why there is no value; a remark otherwise.
     dof
         Degrees of freedom of the standard error: the interval uses Student's t.
+    type_b
+        The part of the standard error that comes from calibrations and stated uncertainties, SI; None where there is none.
     """
 
     name: str
@@ -32,6 +34,7 @@ class Estimate:
     at: Mapping[str, float | str | bool] = field(default_factory=dict)
     reason: str = ""
     dof: float = math.inf
+    type_b: float | None = None
 
     @property
     def determined(self) -> bool:
@@ -48,6 +51,7 @@ def estimate(
     at: Mapping[str, float | str | bool] | None = None,
     logarithmic: bool = False,
     reason: str = "",
+    type_b: float | None = None,
 ) -> Estimate:
     """Return a determined estimate with its 95 % interval from Student's t with `dof`.
 
@@ -66,7 +70,7 @@ def estimate(
         interval = (value / spread, value * spread)
     else:
         interval = (value - half, value + half)
-    return Estimate(name, value, std_error, interval, dict(at or {}), reason, dof)
+    return Estimate(name, value, std_error, interval, dict(at or {}), reason, dof, type_b)
 
 
 def undetermined(name: str, reason: str, at: Mapping[str, float | str | bool] | None = None) -> Estimate:

@@ -81,6 +81,8 @@ def test_uncertainty_of_the_flow_meter_is_told_apart_and_carried(whole: Recordin
     assert b.value is not None
     assert b.std_error == pytest.approx(np.hypot(a.std_error, 0.01 * b.value), rel=1e-3)
     assert "type B" in b.description
+    assert b.type_b == pytest.approx(0.01 * b.value)
+    assert a.type_b is None
 
 
 def test_report_draws_every_chapter_of_the_sheet(findings: Findings) -> None:

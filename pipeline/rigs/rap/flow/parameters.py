@@ -44,7 +44,7 @@ def _told(estimates: Iterable[Estimate], method: str) -> list[Parameter]:
         sure = known and e.std_error is not None and math.isfinite(e.std_error)
         rows.append(
             Parameter(
-                name=e.name, symbol=spec.symbol, value=e.value if known else None, std_error=e.std_error if sure else None, ci95=e.ci95 if sure else None,
+                name=e.name, symbol=spec.symbol, value=e.value if known else None, std_error=e.std_error if sure else None, type_b=e.type_b if sure else None, ci95=e.ci95 if sure else None,
                 unit=spec.unit, at=dict(e.at), description=described, source=spec.source, method=method if known else "",
             )
         )  # fmt: skip
@@ -97,7 +97,7 @@ def _combined(name: str, value: float, random: float, systematic: float, dof: fl
     """Return an estimate of both types of error; degrees of freedom after Welch and Satterthwaite."""
     total = math.hypot(random, systematic)
     effective = dof * (total / random) ** 4 if random > 0.0 and math.isfinite(dof) else math.inf
-    return estimate(name, value, total, dof=effective, at=at, reason=words)
+    return estimate(name, value, total, dof=effective, at=at, reason=words, type_b=abs(systematic) or None)
 
 
 def _flow(row: FlowRow) -> Estimate:

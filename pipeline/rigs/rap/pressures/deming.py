@@ -96,7 +96,9 @@ def deming(one: Aligned, levels: Sequence[Level], bench_gain_u: float | None = N
         else f"random part alone ({random[0]:.2g}): the gain of the bench is taken as exact, bench_gain_u not being stated"
     )
     return Deming(
-        estimate("gain", whole[0], float(np.hypot(random[0], type_b)), dof=dof, at=at, reason=remark),
+        estimate(
+            "gain", whole[0], float(np.hypot(random[0], type_b)), dof=dof, at=at, reason=remark, type_b=type_b or None
+        ),
         estimate("offset", whole[1], float(random[1]), dof=dof, at=at),
         ratio,
         noise,

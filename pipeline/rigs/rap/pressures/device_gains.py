@@ -37,7 +37,8 @@ def _shares(found: Hydraulics) -> dict[str, float]:
 def _widened(one: Estimate, type_b: float, u: float) -> Estimate:
     if one.value is None or one.std_error is None:
         return one
-    sd = math.hypot(one.std_error, type_b * abs(one.value))
+    added = type_b * abs(one.value)
+    sd, whole = math.hypot(one.std_error, added), math.hypot(one.type_b or 0.0, added)
     told = f"{one.reason.split('; gain of')[0]}; the device's own gains, {100 * u:g} % each (type B), as no bench tells them: {100 * type_b:.2g} % of it"
     logarithmic = one.name in ("c_return", "l_return", "c_uf")
-    return estimate(one.name, one.value, sd, dof=one.dof, at=one.at, logarithmic=logarithmic, reason=told)
+    return estimate(one.name, one.value, sd, dof=one.dof, at=one.at, logarithmic=logarithmic, reason=told, type_b=whole)

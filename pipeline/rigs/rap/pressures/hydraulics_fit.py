@@ -190,6 +190,7 @@ def _told(name: str, slope: Proportion | str, b: _TypeB) -> Estimate:
         value,
         abs(value) * math.hypot(random, u),
         dof=slope.dof,
+        type_b=abs(value) * u or None,
         reason=f"random part {100 * random:.2g} %; {words}",
     )
 
@@ -220,6 +221,7 @@ def _c_uf(switched: UfSteps | None, K: Proportion | str, b: _TypeB) -> Estimate:
         value,
         value * math.hypot(random, u),
         dof=switched.dof,
+        type_b=value * u or None,
         logarithmic=True,
         reason=f"from tau_u = {switched.tau:.3f} s; random part {100 * random:.2g} %; {words}",
     )
@@ -273,6 +275,7 @@ def _return_line(
             value,
             value * math.hypot(random, u),
             dof=line.fit.covariance.dof,
+            type_b=value * u or None,
             logarithmic=True,
             reason=f"random part {100 * random:.2g} %; {words}",
         )

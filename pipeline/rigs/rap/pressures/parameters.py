@@ -105,7 +105,7 @@ def _parameter(e: Estimate, run: str) -> Parameter:
     known = value is not None and e.std_error is not None and math.isfinite(e.std_error)
     described = "; ".join(filter(None, (spec.description, e.reason)))
     return Parameter(
-        name=e.name, symbol=spec.symbol, value=value, std_error=e.std_error if known else None, ci95=e.ci95 if known else None,
+        name=e.name, symbol=spec.symbol, value=value, std_error=e.std_error if known else None, type_b=e.type_b if known else None, ci95=e.ci95 if known else None,
         unit=spec.unit, at={**({"run": run} if run else {}), **e.at}, description=described if value is not None else (e.reason or "not determined"),
         source=spec.source, method=_METHODS.get(e.name, "") if value is not None else "",
     )  # fmt: skip

@@ -109,7 +109,13 @@ def account(
         sd = math.hypot(_mean_sd(power), gain_u * abs(mean))
         reading_sd = float(np.std(np.diff(power))) / math.sqrt(2.0 * power.size)
         own_sd = math.hypot(reading_sd, gain_u * abs(mean)) * span
-        used = estimate("energy_used", float(used_course[-1]), own_sd, reason="voltage times current over this run")
+        used = estimate(
+            "energy_used",
+            float(used_course[-1]),
+            own_sd,
+            reason="voltage times current over this run",
+            type_b=gain_u * abs(mean) * span or None,
+        )
         source = "voltage and current"
         if level is not None:
             _changed(level, problems)

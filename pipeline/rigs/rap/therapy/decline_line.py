@@ -52,8 +52,8 @@ class Line:
         """Return K_0 and a with their intervals."""
         (K_0, a), (sd_K, sd_a), (dof_K, dof_a) = self.values, self.std_error, self.dof
         return (
-            estimate("k_uf_initial", K_0, sd_K, dof=float(dof_K), reason=notes),
-            estimate("k_uf_decline", a, sd_a, dof=float(dof_a), reason=notes),
+            estimate("k_uf_initial", K_0, sd_K, dof=float(dof_K), reason=notes, type_b=float(self.common_u[0])),
+            estimate("k_uf_decline", a, sd_a, dof=float(dof_a), reason=notes, type_b=float(self.common_u[1])),
         )
 
     def course(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

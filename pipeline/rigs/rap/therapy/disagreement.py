@@ -59,6 +59,6 @@ def widened(found: Estimate, half: float, remark: str) -> Estimate:
         return found
     low, high = (math.copysign(math.hypot(end - found.value, 1.96 * half), end - found.value) for end in found.ci95)
     return replace(
-        found, std_error=math.hypot(found.std_error, half), ci95=(found.value + low, found.value + high),
+        found, std_error=math.hypot(found.std_error, half), type_b=math.hypot(found.type_b or 0.0, half), ci95=(found.value + low, found.value + high),
         reason="; ".join(filter(None, (found.reason, remark))),
     )  # fmt: skip

@@ -128,7 +128,7 @@ def against_scale(
     e = error[counted]
     clock = lag.sd * _median_rate(middle[counted], other[counted])
     common = math.hypot(clock, gain_u * rise)
-    rms = _rms(e, common, scale)
+    rms = replace(_rms(e, common, scale), type_b=gain_u * rise or None)
     tail = e[-5:]
     final_sd = math.hypot(scale.noise / math.sqrt(_BIN * tail.size), common)
     final = estimate("uf_volume_error_final", float(tail.mean()), final_sd)

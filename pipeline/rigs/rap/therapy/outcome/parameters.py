@@ -44,7 +44,7 @@ def parameter(found: Estimate, at: OperatingPoint, description: str = "", method
     interval = found.ci95 if known and found.ci95 and all(map(math.isfinite, found.ci95)) else None
     return Parameter(
         name=found.name, symbol=spec.symbol, value=found.value if determined else None,
-        std_error=found.std_error if known else None, ci95=interval, unit=spec.unit, at=at,
+        std_error=found.std_error if known else None, type_b=found.type_b if known else None, ci95=interval, unit=spec.unit, at=at,
         description="; ".join(part for part in (told, remark, description) if part), source=spec.source,
         method=(method or _METHODS[found.name]) if determined else "",
     )  # fmt: skip
