@@ -26,7 +26,7 @@ CASES = {
 _LOSS, _LOST, _COUNTER = 0.04, 0.05, 0.01
 
 
-def campaign(case: str, seed: int) -> Campaign:
+def campaign(_case: str, seed: int) -> Campaign:
     """Return the table of R7 and what is true of it."""
     rng = np.random.default_rng((seed, 94))
     counter = 1.0 + _COUNTER * float(rng.standard_normal())

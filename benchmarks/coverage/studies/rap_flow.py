@@ -1,7 +1,9 @@
-"""`rap.flow`: calibration, hold-out and another tube with all the dirt of device and meter; and what measures that dirt.
+"""`rap.flow`: calibration, hold-out and another tube with all the dirt of device and meter.
 
-In "standard" nothing of the rig is the same twice. Largest and rms error of the flow have no truth there; in "statistics"
-only the dirt is drawn anew, and their mean over the campaigns is taken for true.
+Nothing of the rig is the same twice. Largest and rms error of the flow state what windows showed, without an interval: they
+are left out. E2 takes a pulsation's worth to be straight over speed, which it is not quite; how far three coefficients are off
+by that is the same in each campaign. Left-out set-points tell its size and not its sign, so that intervals of `stroke_volume`,
+`y0` and `y1` hold the truth more often than 95 times in 100 and cannot be made narrower from these logs.
 """
 
 from __future__ import annotations
@@ -15,12 +17,12 @@ import numpy as np
 
 from benchmarks.coverage.dirt import coloured
 from benchmarks.coverage.rap_logs import METER_U, QUIET, UNEVEN, label, lossy, meters_off, pressure_noise, varied
-from benchmarks.coverage.study import OVER_SEEDS, Campaign, Case, OverSeeds, Study
+from benchmarks.coverage.study import Campaign, Case, Study
 from pipeline.findings import Parameter
 from pipeline.recording import Recording
 from pipeline.rigs.rap.circuit.hydraulics import outlet_impedance, steady_state
 from pipeline.rigs.rap.circuit.pump import flow_at, fundamental, speed_for
-from pipeline.rigs.rap.flow.declaration import FLOW
+from pipeline.rigs.rap.flow.declaration import FLOW, FlowSettings
 from pipeline.rigs.rap.synthetic import rig
 from pipeline.rigs.rap.synthetic.truth import FlowTruth, circuit_of, pump_of, truth_of
 
@@ -29,31 +31,22 @@ CASES = {
         "another circuit, pump, other sensors and clocks in each campaign; white and coloured noise, converter steps, jitter of "
         f"2 ms on both clocks, wandering speed, lost samples; meter off by {100 * METER_U:g} % (1 sigma, stated)"
     ),
-    "statistics": Case("one rig with a meter as stated: the same noise, jitter and lost samples; what measures these"),
 }
-STATISTICS = ("flow_error_max", "flow_error_rms")
-TUBE_U = FLOW.settings().tube_u
+TUBE_U = FlowSettings().tube_u
 _SETTLED = 4.0
 
 
-def campaign(case: str, seed: int) -> Campaign:
+def campaign(_case: str, seed: int) -> Campaign:
     """Return the logs of R2 and R3 and what is true of them."""
     rng = np.random.default_rng((seed, 92))
-    overrides: dict[str, Any] = dict(UNEVEN)
-    if case == "standard":
-        overrides |= varied(rng, FlowTruth())
-        overrides |= meters_off(rng, "flowmeter_gain_u")
-        overrides["tube_change"] = TUBE_U * float(rng.standard_normal())
-    else:
-        overrides |= {"meter_gain": 1.0, "told": {"flowmeter_gain_u": 0.0}}
+    overrides: dict[str, Any] = {**UNEVEN, **varied(rng, FlowTruth()), **meters_off(rng, "flowmeter_gain_u")}
+    overrides["tube_change"] = TUBE_U * float(rng.standard_normal())
     recordings = coloured(rig.synthesize_flow(overrides, seed), rng, pressure_noise(), memory=2.0)
     recordings = lossy(recordings, rng, "device", "bench")
-    if case == "standard":
-        return Campaign(recordings, known(overrides, seed), label=label)
-    return Campaign(recordings, lambda p: OVER_SEEDS if p.name in STATISTICS else None, label=label)
+    return Campaign(recordings, known(overrides, seed), label=label)
 
 
-def known(overrides: Mapping[str, Any], seed: int) -> Callable[[Parameter], float | OverSeeds | None]:
+def known(overrides: Mapping[str, Any], seed: int) -> Callable[[Parameter], float | None]:
     """Return the truth: E2 as its own formula has it, E3 by the pump, flows as they were."""
     t = truth_of(FlowTruth(), overrides)
     quiet = {run.run: run for run in rig.synthesize_flow({**overrides, **QUIET_FLOW}, seed)}
@@ -62,7 +55,7 @@ def known(overrides: Mapping[str, Any], seed: int) -> Callable[[Parameter], floa
     def y(f: float) -> float:
         Z = abs(outlet_impedance(circuit_of(t), 2j * math.pi * f))
         pole = 1.0 / math.hypot(1.0, 2.0 * math.pi * f * t.pole_prefilter)
-        return 1.0 / (2.0 * fundamental(t.w) * Z * t.gain_prefilter * pole)
+        return float(1.0 / (2.0 * fundamental(t.w) * Z * t.gain_prefilter * pole))
 
     V_0, C_p = _mean_pressure_estimator(t)
     values = {

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.coverage.dirt import coloured
 from benchmarks.coverage.rap_logs import BENCH_U, METER_U, UNEVEN, label, lossy, meters_off, pressure_noise, varied
-from benchmarks.coverage.study import OVER_SEEDS, Campaign, Case, OverSeeds, Study
+from benchmarks.coverage.study import OVER_SEEDS, Campaign, Case, Study
 from pipeline.findings import Parameter
 from pipeline.rigs.rap.conditions import TAPS
 from pipeline.rigs.rap.pressures.declaration import PRESSURES
@@ -47,7 +47,7 @@ def campaign(case: str, seed: int) -> Campaign:
     return Campaign(recordings, lambda p: OVER_SEEDS if p.name in STATISTICS else None, label=label)
 
 
-def known(overrides: Mapping[str, Any]) -> Callable[[Parameter], float | OverSeeds | None]:
+def known(overrides: Mapping[str, Any]) -> Callable[[Parameter], float | None]:
     """Return what tells the truth of a parameter; None where it has none of its own."""
     t = truth_of(PressuresTruth(), overrides)
     rho = 1e-6 * (t.device_ppm - t.bench_ppm)

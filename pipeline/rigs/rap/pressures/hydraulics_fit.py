@@ -213,14 +213,17 @@ def _c_uf(switched: UfSteps | None, K: Proportion | str, b: _TypeB) -> Estimate:
             "c_uf",
             "the ultrafiltration is not switched while the pump turns steadily: nothing tells how its pressure follows",
         )
-    random = math.hypot(switched.sd / switched.tau, K.relative)
+    by_switches = switched.sd / switched.tau
+    random = math.hypot(by_switches, K.relative)
     u, words = b.of("c_uf")
     value = switched.tau * K.value
+    # Few switches tell their part of the error alone (Welch and Satterthwaite).
+    dof = switched.dof * (math.hypot(random, u) / by_switches) ** 4
     return estimate(
         "c_uf",
         value,
         value * math.hypot(random, u),
-        dof=switched.dof,
+        dof=dof,
         type_b=value * u or None,
         logarithmic=True,
         reason=f"from tau_u = {switched.tau:.3f} s; random part {100 * random:.2g} %; {words}",

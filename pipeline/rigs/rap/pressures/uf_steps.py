@@ -134,7 +134,8 @@ def _fitted(pieces: Sequence[_Piece]) -> UfSteps | None:
     many = len(found) >= _SEVERAL
     scatter = math.sqrt(float(weight @ (taus - tau) ** 2) / weight.sum() / (len(found) - 1)) if many else _UNSEEN * own
     steps = tuple(UfStep(piece.time[piece.used], *_parts(piece, one.values)) for piece, one in found)
-    return UfSteps(tau, max(scatter, own), len(found) - 1.0 if many else found[0][1].covariance.dof, steps)
+    dof = len(found) - 1.0 if many and scatter > own else found[0][1].covariance.dof
+    return UfSteps(tau, max(scatter, own), dof, steps)
 
 
 def _explains(piece: _Piece, one: Fit) -> bool:

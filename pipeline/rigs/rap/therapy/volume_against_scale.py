@@ -21,6 +21,12 @@ _RATE_OFF = 0.05
 _DEVICE_ALONE = (
     "Where the level agrees with the scale, it is the device's own estimate that is off: look at its calibration."
 )
+# Minutes that are taken together for the scatter of squares.
+_STRETCH = 10
+# Even quantiles of a normal distribution, to carry an error through what is not linear in it.
+_NORMAL = np.array(
+    [-1.834, -1.28, -0.954, -0.706, -0.491, -0.297, -0.113, 0.113, 0.297, 0.491, 0.706, 0.954, 1.28, 1.834]
+)
 # Rates of level and scale nearer than that are the same.
 _RATE_SAME = 0.01
 
@@ -128,7 +134,7 @@ def against_scale(
     e = error[counted]
     clock = lag.sd * _median_rate(middle[counted], other[counted])
     common = math.hypot(clock, gain_u * rise)
-    rms = replace(_rms(e, common, scale), type_b=gain_u * rise or None)
+    rms = _rms(e, common, gain_u * rise, scale)
     tail = e[-5:]
     final_sd = math.hypot(scale.noise / math.sqrt(_BIN * tail.size), common)
     final = estimate("uf_volume_error_final", float(tail.mean()), final_sd)
@@ -199,20 +205,35 @@ def _block_sd(e: np.ndarray) -> float:
     return float(np.std([e[rows].mean() for rows in blocks(e.size, length, 400)], ddof=1))
 
 
-def _rms(e: np.ndarray, common: float, scale: Weighed) -> Estimate:
-    """Return the root mean square with an interval from blocks."""
+def _rms(e: np.ndarray, common: float, gain: float, scale: Weighed) -> Estimate:
+    """Return the root mean square of the errors e (n,).
+
+    `common` (m^3) is what all may be off alike by clock and scale: it moves the mean, and the root mean square as that counts
+    in it. `gain` is the scale's part of it (type B).
+    """
     value = math.sqrt(float(np.mean(e**2)))
-    length = min(round(_BLOCK / _BIN), max(e.size // 3, 1))
-    draws = np.array([np.mean(e[rows] ** 2) for rows in blocks(e.size, length, 400)])
-    random = float(draws.std(ddof=1)) / (2.0 * max(value, 1e-12))
-    dof = _dof(e.size)
-    sd = math.hypot(random, common)
-    half = math.hypot(t_quantile(dof) * random, t_quantile(math.inf) * common)
+    # Differences of neighbouring stretches: what settles slowly behind the first echo does so in every run.
+    count = max(e.size // _STRETCH, 2)
+    squares = np.array([part.mean() for part in np.array_split(e**2, count)])
+    variance = float(np.mean(np.diff(squares) ** 2)) / 2.0
+    random = math.sqrt(variance / count) / (2.0 * max(value, 1e-12))
+    # A variance from successive differences has two thirds of the usual degrees of freedom (von Neumann 1941).
+    dof = max(2.0 * (count - 1.0) / 3.0, 1.0)
+    mean, spread = float(e.mean()), float(e.var())
+    shifted = np.sqrt(spread + (mean + common * _NORMAL) ** 2)
+    moved = float(shifted.std())
+    low, high = (
+        math.sqrt(spread + max(abs(mean) - 1.96 * common, 0.0) ** 2),
+        math.sqrt(spread + (abs(mean) + 1.96 * common) ** 2),
+    )
+    half = t_quantile(dof) * random
+    interval = (max(value - math.hypot(half, value - low), 0.0), value + math.hypot(half, high - value))
     remark = (
         f"means over {_BIN:.0f} s from the first echo on; the scale's own noise in them is "
         f"{1e6 * scale.noise / math.sqrt(_BIN):.2f} mL"
     )
-    return Estimate("uf_volume_error_rms", value, sd, (max(value - half, 0.0), value + half), reason=remark, dof=dof)
+    sd, of_gain = math.hypot(random, moved), moved * gain / common if common > 0.0 else 0.0
+    return Estimate("uf_volume_error_rms", value, sd, interval, reason=remark, dof=dof, type_b=of_gain or None)
 
 
 def _median_rate(time: np.ndarray, volume: np.ndarray) -> float:
