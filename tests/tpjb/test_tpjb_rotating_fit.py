@@ -59,19 +59,6 @@ def test_direct_stiffness_is_as_accurate_as_accepted(run, within):
         assert p[3] == pytest.approx(truth(run)[3], rel=within)
 
 
-def test_intervals_cover_the_truth_over_many_seeds():
-    """The study of 100 seeds is `benchmarks.coverage_tpjb_rotating`; this is its short form."""
-    found: list[float] = []
-    for run in ("A4", "A7", "B3"):
-        for seed in range(20):
-            fit = fit_model(orbits(run, seed=100 + seed), MODEL[run])
-            found += scores(fit, run).values()
-    inside = np.mean(np.abs(found) < 1.96)
-    assert len(found) == 20 * (8 + 4 + 10)
-    assert 0.91 < inside < 0.98  # 440 correlated scores
-    assert abs(np.mean(found)) < 0.15
-
-
 def test_ratios_at_one_static_load_are_fitted_with_common_coefficients():
     pair = orbits("A4", "A5", seed=2)
     joint, alone = fit_model(pair, M5), fit_model(pair[:1], M5)

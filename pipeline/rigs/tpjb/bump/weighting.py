@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from pipeline.estimation.least_squares import Fit
-from pipeline.estimation.uncertainty import Covariance, effective_size
+from pipeline.estimation.uncertainty import Covariance, effective_size, newey_west
 from pipeline.rigs.tpjb.bump.contact import Bearing, Rest, rest
 from pipeline.rigs.tpjb.bump.levels import Blocks
 
@@ -16,6 +16,8 @@ from pipeline.rigs.tpjb.bump.levels import Blocks
 _OUTLIER = 4.0
 # Share of the scatter within blocks below which the noise of their means cannot be.
 _LEAST = 0.7
+# Mean square of a few steps over their errors that chance allows.
+_BY_CHANCE = 2.0
 
 
 def steady(blocks: Blocks, bearings: Mapping[int, Bearing], margin: float) -> np.ndarray:
@@ -102,13 +104,30 @@ def force_steps(blocks: Blocks, rests: Mapping[int, Rest], kept: np.ndarray, noi
 
 
 def widened_by(fitted: Fit, residual: np.ndarray, steps: np.ndarray) -> tuple[Fit, float]:
-    """Widen the covariance by the correlation of the residuals in time, shape (blocks, axes), or by steps with the force."""
-    n = residual.shape[0]
+    """Widen the covariance by what the residuals, shape (blocks, axes), are correlated in time, or by steps with the force.
+
+    Slow noise of the probes reaches the clearances and hardly the stiffness of the support, on which the white noise of the
+    force acts: each parameter is widened by its own scores (Newey and West), by no more than the residuals as a whole.
+
+    Returns
+    -------
+    The fit, and the factor by which its standard errors grew in the median.
+    """
+    n, axes = residual.shape
     shares = [effective_size(column) / n for column in residual.T]
     in_time = 1.0 / float(np.mean(shares))
+    order = np.arange(n * axes).reshape(n, axes).T.ravel()  # each axis by itself, in time
+    norm = np.sqrt((fitted.jacobian**2).sum(axis=0))
+    J = fitted.jacobian / np.where(norm > 0, norm, 1.0)
+    plain = np.diag(np.linalg.pinv(J.T @ J)) * max(fitted.chi2 / max(fitted.dof, 1), 1.0)
+    scores = np.diag(newey_west(J[order], fitted.residual[order]).matrix)
+    factors = np.clip(scores / plain, 1.0, max(in_time, 1.0))
     known = steps[np.isfinite(steps).all(axis=2)]
     with_force = float(np.mean((known[:, 0] / known[:, 1]) ** 2)) if len(known) > 1 else 1.0
-    factor = max(in_time, with_force)
-    dof = max(n * residual.shape[1] / factor - len(fitted.names), 1.0)
-    matrix = fitted.covariance.matrix * factor
-    return fitted.with_covariance(Covariance(matrix, dof, "least squares, effective sample size")), math.sqrt(factor)
+    if with_force > _BY_CHANCE * in_time:
+        factors = np.maximum(factors, with_force)
+    root = np.sqrt(factors)
+    dof = max(n * axes / float(np.median(factors)) - len(fitted.names), 1.0)
+    matrix = fitted.covariance.matrix * np.outer(root, root)
+    method = "least squares, each parameter widened by the correlation of its scores"
+    return fitted.with_covariance(Covariance(matrix, dof, method)), float(np.median(root))

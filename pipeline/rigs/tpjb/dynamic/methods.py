@@ -45,9 +45,10 @@ def _impedance(findings: Findings) -> str:
 def _laws() -> str:
     return (
         "Over frequency each coefficient was fitted by polynomials of degree 0, 1 and 2 in f/f_shaft - 1; the lowest degree whose "
-        "chi-square stays below its 99 % point was taken, and its value at the shaft's frequency is the synchronous coefficient. Weights come from "
+        "chi-square stays below its 99 % point was taken. The synchronous coefficient is its value at the shaft's frequency, or that of a degree more "
+        "where the further coefficient exceeds two standard errors. Weights come from "
         "standard errors smoothed over the tones, the covariance from the errors themselves; by how much the next degree would move the value "
-        "is added to the error (in squares). Where even the parabola is rejected, at 1 % for all coefficients of the campaign together (Bonferroni), errors are "
+        "is added to the error (in squares; three quarters of its chance spread at least). Where even the parabola is rejected, at 1 % for all coefficients of the campaign together (Bonferroni), errors are "
         "widened to the scatter about it."
     )
 

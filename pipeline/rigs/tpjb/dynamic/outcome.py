@@ -12,7 +12,7 @@ from pipeline.estimation.selection import Candidate
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.findings import ModelResult, Parameter, Published
 from pipeline.rigs.tpjb.dynamic.declaration import PARAMETERS
-from pipeline.rigs.tpjb.dynamic.laws import Law, choice_error
+from pipeline.rigs.tpjb.dynamic.laws import Law, choice_error, for_intercept
 from pipeline.rigs.tpjb.dynamic.nonlinearity import Products
 from pipeline.rigs.tpjb.dynamic.solution import NAMES, Coefficient, Solution
 from pipeline.rigs.tpjb.gains import Gains, gains_of, type_a, with_type_b
@@ -71,13 +71,13 @@ def _synchronous(solution: Solution, name: str) -> Parameter:
         return _null(
             name, at, f"no tones on both sides of the shaft's {shaft:.4g} Hz (used: {span}); it would be extrapolated"
         )
-    (value,), (scatter,) = entry.law.at(0.0)
-    chosen = choice_error(entry.law, entry.laws)
+    law = for_intercept(entry.law, entry.laws)
+    (value,), (scatter,) = law.at(0.0)
+    chosen = choice_error(law, entry.laws)
     sd = float(np.hypot(scatter, chosen))
     nearest = int(np.abs(solution.tones - shaft).argmin())
     if reason := _doubted(solution, name, sd, nearest):
         return _null(name, at, reason)
-    law = entry.law
     judged = f"chi-square {law.chi2:.3g} with {law.dof} degrees of freedom" if law.dof else "no degree of freedom left"
     widened = f", errors widened {law.widening:.2g} times" if law.widening > 1 else ""
     widened += (
