@@ -1,13 +1,13 @@
 """Files that say that they unpack to far more than any log does: told by what they say, before anything is unpacked.
 
-Gzip gains 1000 times on zeros alone, values that were never written take no bytes at all; logs with many channels at rest
-gain some hundred times.
+Gzip gains 200 to 1000 times on zeros alone, values that were never written take no bytes at all. A log of hundreds of
+megabytes with one channel in fifty that is not at rest gains 60 times.
 """
 
 from __future__ import annotations
 
 HARMLESS = 256 << 20
-LARGEST_RATIO = 500
+LARGEST_RATIO = 100
 
 
 def is_beyond_belief(stored: int, unpacked: int) -> bool:
