@@ -53,7 +53,7 @@ def load(path: Path) -> CommentedMap:
         mark = error.problem_mark or error.context_mark
         line = f" line {mark.line + 1}" if mark else ""
         raise InputError(f"{path}{line}: not valid YAML: {error.problem or error.context}.") from error
-    except (YAMLError, ValueError, RecursionError) as error:
+    except (YAMLError, ValueError, RecursionError, AttributeError) as error:  # the last of what is merged into itself
         raise InputError(f"{path}: not valid YAML: {error}.") from error
     if content is None:
         content = CommentedMap()
