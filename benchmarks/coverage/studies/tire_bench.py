@@ -104,6 +104,11 @@ def _true(p: Parameter, own: Mapping[str, _Own]) -> float | None:
         return value if p.name.endswith("length") else own[run].gain * value
     if p.name == "sensor_resistance":
         return _TRUTH.R0 * (1.0 + 0.5 * _TRUTH.resistance_drift)
+    return true_of_all(p)
+
+
+def true_of_all(p: Parameter) -> float | None:
+    """Return the truth of a number of the tire, the same in all campaigns of its usual loads; None of what a run has for itself."""
     return _shared().get((p.name, float(p.at.get("load", 0.0))))
 
 

@@ -123,6 +123,17 @@ def advise(findings: Findings) -> Advice:
     return Advice([proposal for _, proposal in kept[:_MOST]], remarks)
 
 
+def predicted(findings: Findings, point: tuple[float, float, float]) -> dict[str, float | None]:
+    """Return the standard errors that one more run at load (N), speed (m/s) and pressure (Pa) would leave, SI.
+
+    By name; None of what would not be determined. Empty where there is no ring fit that holds.
+    """
+    fitted = _fitted(findings)
+    if fitted is None:
+        return {}
+    return fitted.std_errors(of_proposed(fitted.bench, fitted.values, fitted.known, fitted.scatter, point), point)
+
+
 def _candidates(fitted: _Fitted) -> Iterator[tuple[float, float, float]]:
     low, high = min(fitted.loads), max(fitted.loads)
     slow, fast = min(fitted.speeds), max(fitted.speeds)
@@ -253,4 +264,4 @@ def _fitted(findings: Findings) -> _Fitted | None:
     )  # fmt: skip
 
 
-__all__ = ["advise"]
+__all__ = ["advise", "predicted"]

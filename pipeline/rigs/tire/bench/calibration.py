@@ -291,9 +291,11 @@ def _zero_load(curve: Curve) -> Estimate | None:
 def _estimates(curve: Curve, R0: float, VIN: float, R1: float) -> dict[str, Estimate]:
     found: dict[str, Estimate] = {}
     for k, name in enumerate(NAMES):
-        if k > curve.degree:
+        if curve.degree < len(NAMES) - 1:
             found[name] = undetermined(
-                name, "three loads tell a straight line only; measure at least four, better five."
+                name,
+                "three loads tell a straight line only, and its slope is the mean over the loads, not that at no load: the peak over load is a bent "
+                "curve. Measure at least four, better five.",
             )
             continue
         gain = k * curve.load_gain_u * curve.coefficients[k]

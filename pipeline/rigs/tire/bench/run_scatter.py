@@ -18,7 +18,9 @@ from pipeline.rigs.tire.bench.ring_run import Scatter
 # From what hides in the noise to what no bench should have (relative), and factors on what a rotation is uneven by.
 _LEVELS = np.array([1e-5, 3e-4, 8e-4, 1.6e-3, 3e-3, 6e-3, 1.5e-2, 4e-2, 1e-1])
 _FINE = np.array([1e-6, *np.geomspace(1e-4, 0.1, 31)])
-_UNEVEN = np.array([0.1, 0.2, 0.4, 0.7, 1.0, 1.4, 2.0])
+_UNEVEN = np.array([0.3, 0.4, 0.55, 0.75, 1.0, 1.4, 2.0])
+# How well the unevenness of benches is known beforehand, as a factor: a few runs tell it badly.
+_USUAL = np.log(1.7)
 # Less than that is none.
 _LEAST = 1e-4
 _TRIED = Scatter(1e-3, 1e-3, 1e-3)
@@ -65,7 +67,10 @@ def run_scatter(model: RingModel, x: np.ndarray) -> Scatter:
     load, gain, pressure = np.sqrt(share @ np.array([(s.load, s.gain, s.pressure) for s in tried]) ** 2)
     found = Scatter(*(float(s) if s > _LEAST else 0.0 for s in (load, gain, pressure)))
     uneven = [replace(found, uneven=float(factor)) for factor in _UNEVEN]
-    share = _shares(A, g, start - centre, np.array([spread(one) for one in uneven]), own)
+    share = _shares(A, g, start - centre, np.array([spread(one) for one in uneven]), own) * np.exp(
+        -0.5 * (np.log(_UNEVEN) / _USUAL) ** 2
+    )
+    share /= share.sum()
     return replace(found, uneven=float(np.sqrt(share @ _UNEVEN**2)))
 
 
