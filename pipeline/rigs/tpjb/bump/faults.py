@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.errors import counted, listing
-from pipeline.findings import Quality, Verdict
+from pipeline.findings import Quality
+from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.tpjb.bump.bearing_fit import BearingFit
 from pipeline.rigs.tpjb.bump.contact import centred
 from pipeline.rigs.tpjb.bump.contact_fit import ContactFit
@@ -29,30 +30,29 @@ _STEP = 0.005
 
 
 @dataclass
-class Judgement:
-    """Findings on the data, reasons for the verdict, advice; the verdict follows from the worst."""
+class Doubts(Judgement):
+    """The verdict while it is made, with the findings on the data that belong to it."""
 
     quality: list[Quality] = field(default_factory=list)
-    reasons: list[str] = field(default_factory=list)
-    advice: list[str] = field(default_factory=list)
-    verdict: Verdict = "ok"
 
-    def doubt(self, message: str, advice: str = "", level: Verdict = "warning", channel: str | None = None) -> None:
+    def doubt(self, message: str, advice: str = "", *, channel: str | None = None) -> None:
         """Note a doubt: a finding, a reason, and how to mend it."""
-        told = "error" if level == "rejected" else "warning"
-        self.quality.append(Quality(level=told, channel=channel, message=f"{message}{' ' + advice if advice else ''}"))
-        self.reasons.append(message)
+        self.quality.append(Quality(level="warning", channel=channel, message=f"{message} {advice}".strip()))
+        self.warn(message)
         if advice:
-            self.advice.append(advice)
-        if self.verdict != "rejected":
-            self.verdict = level
+            self.advise(advice)
+
+    def refuse(self, message: str) -> None:
+        """Say why nothing can be told at all."""
+        self.quality.append(Quality(level="error", message=message))
+        self.reject(message)
 
     def note(self, message: str) -> None:
         """Note what is worth knowing and no doubt."""
         self.quality.append(Quality(level="note", message=message))
 
 
-def judge(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> None:
+def judge(fit: BearingFit, settings: BumpSettings, judgement: Doubts) -> None:
     """Add all doubts about one bearing."""
     if _units(fit, judgement):
         return
@@ -74,7 +74,7 @@ def growth_of(fit: BearingFit) -> np.ndarray:
     return np.column_stack([forces, means])
 
 
-def _rig(fit: BearingFit, judgement: Judgement) -> None:
+def _rig(fit: BearingFit, judgement: Doubts) -> None:
     largest = max(fit.blocks.levels)
     for record in fit.records:
         recording = record.recording
@@ -93,7 +93,7 @@ def _rig(fit: BearingFit, judgement: Judgement) -> None:
                 )
 
 
-def _pads(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> None:
+def _pads(fit: BearingFit, settings: BumpSettings, judgement: Doubts) -> None:
     shown = ", ".join(f"{n}: {1e6 * misfit:.3g} um" for n, misfit in fit.count.misfits.items())
     if fit.contradiction:
         judgement.doubt(fit.contradiction, "Mend n_pads and pad_angles.")
@@ -111,7 +111,7 @@ def _pads(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> None
         )
 
 
-def _levels(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> None:
+def _levels(fit: BearingFit, settings: BumpSettings, judgement: Doubts) -> None:
     growth = growth_of(fit)
     if len(growth) < 2:
         judgement.doubt(
@@ -135,7 +135,7 @@ def _levels(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> No
         judgement.note(f"The polygon has converged: {told}, as the contact's compliance has it.")
 
 
-def _sides(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> None:
+def _sides(fit: BearingFit, settings: BumpSettings, judgement: Doubts) -> None:
     if fit.blocks.coverage < 0.95:
         judgement.note(f"The force went through {100 * fit.blocks.coverage:.0f} % of the directions only.")
     if fit.absent:
@@ -155,11 +155,11 @@ def _sides(fit: BearingFit, settings: BumpSettings, judgement: Judgement) -> Non
             )
 
 
-def _units(fit: BearingFit, judgement: Judgement) -> bool:
+def _units(fit: BearingFit, judgement: Doubts) -> bool:
     """Tell whether a unit is wrong, and say so: nothing else is worth saying then."""
     message = wrong_unit(fit)
     if message:
-        judgement.doubt(message, level="rejected")
+        judgement.refuse(message)
     return bool(message)
 
 
@@ -188,7 +188,7 @@ def wrong_unit(fit: BearingFit) -> str:
     return ""
 
 
-def _contact(fit: BearingFit, contact: ContactFit, judgement: Judgement) -> None:
+def _contact(fit: BearingFit, contact: ContactFit, judgement: Doubts) -> None:
     blocks = fit.blocks
     ratio = contact.motion_noise / max(blocks.motion_noise, 1e-12)
     deepest = max(blocks.levels) / contact.fit.values["k_p"]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.findings import Findings, ModelResult, Published, Quality, Run
+from pipeline.findings import Findings, ModelResult, Parameter, Published, Quality, Run
 from pipeline.recording import Recording
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.nothing_usable import nothing_usable
@@ -16,7 +16,7 @@ from pipeline.rigs.tpjb.bump.arrays import arrays_of
 from pipeline.rigs.tpjb.bump.bearing_fit import BearingFit, fit_bearing
 from pipeline.rigs.tpjb.bump.declaration import BumpSettings
 from pipeline.rigs.tpjb.bump.estimates import parameters_of
-from pipeline.rigs.tpjb.bump.faults import Judgement, judge, wrong_unit
+from pipeline.rigs.tpjb.bump.faults import Doubts, judge, wrong_unit
 from pipeline.rigs.tpjb.bump.record import Record, UnusableError, record_of
 
 
@@ -28,7 +28,7 @@ def identify(recordings: Sequence[Recording], settings: BumpSettings, context: C
     InputError
         If no run can be used at all.
     """
-    judgement = Judgement()
+    judgement = Doubts()
     left_out: dict[str, str] = {}
     records: dict[str, list[Record]] = {}
     for recording in recordings:
@@ -69,27 +69,22 @@ def identify(recordings: Sequence[Recording], settings: BumpSettings, context: C
         published=_published(fits),
         quality=judgement.quality,
         runs=[Run(run=r.run, used=r.run not in left_out, reason=left_out.get(r.run, "")) for r in recordings],
-        advice=list(dict.fromkeys(judgement.advice)),
+        advice=judgement.advice,
         arrays=arrays_of(fits),
     )
 
 
-def _say(record: Record, judgement: Judgement) -> None:
+def _say(record: Record, judgement: Doubts) -> None:
     """Hand on what was odd about a log; anything above a note leaves a doubt."""
     for f in record.findings:
         judgement.quality.append(Quality(level=f.level, run=f.run, channel=f.channel, span=f.span, message=f.message))
         if f.level != "note":
-            judgement.reasons.append(f"Run '{record.recording.run}': {f.message}")
-            judgement.verdict = "rejected" if f.level == "error" or judgement.verdict == "rejected" else "warning"
+            (judgement.reject if f.level == "error" else judgement.warn)(f"Run '{record.recording.run}': {f.message}")
 
 
-def _alignment(parameters: Sequence[object], settings: BumpSettings, judgement: Judgement) -> None:
+def _alignment(parameters: Sequence[Parameter], settings: BumpSettings, judgement: Doubts) -> None:
     """Hold the tilt against its limit."""
-    from pipeline.findings import Parameter
-
-    tilts = [
-        p for p in parameters if isinstance(p, Parameter) and p.name in ("tilt_x", "tilt_y") and p.value is not None
-    ]
+    tilts = [p for p in parameters if p.name in ("tilt_x", "tilt_y") and p.value is not None]
     size = math.hypot(*(p.value or 0.0 for p in tilts[:2])) if len(tilts) >= 2 else 0.0
     if size > settings.alignment_limit:
         judgement.doubt(
