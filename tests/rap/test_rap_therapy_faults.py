@@ -270,3 +270,22 @@ def test_device_whose_own_volume_is_off_is_told_without_doubt_of_tank_and_scale(
     told = said(found(run))
     assert "the device's own estimate is off" in told
     assert not any("stands" in reason and "off the scale" in reason for reason in found(run).reasons)
+
+
+def test_turned_sign_of_all_ultrafiltrate_pressures_is_told_without_a_bench() -> None:
+    device = altered(short(), tables=("device", "device_status"))
+    assert not any("sign is turned" in q.message for q in found(device).quality)
+    findings = found(altered(device, lambda k, v: -v if k in ("pressure_uf_rap", "pressure_uf_prot") else v))
+    assert findings.one("k_uf_initial").value is None
+    assert any("sign is turned" in q.message and q.channel == "pressure_uf_rap" for q in findings.quality)
+
+
+def test_tables_whose_clocks_stand_minutes_apart_are_named() -> None:
+    run = altered(short(), tables=("device", "device_status", "device_temperature", "scale", "events"))
+    events, scale = run.streams["events"], run.streams["scale"]
+    later = {"events": Stream("events", events.time + 240.0, events.channels),
+             "scale": Stream("scale", scale.time + 240.0, scale.channels)}  # fmt: skip
+    told = said(found(replace(run, streams={**run.streams, **later})))
+    assert "the events stand 237 s behind the pressures" in told
+    assert "whose clock stands" in told
+    assert "another clock" not in said(found(run))

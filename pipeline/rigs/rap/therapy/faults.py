@@ -14,6 +14,7 @@ from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.rap.conditions import TAPS, pressure
 from pipeline.rigs.rap.pressures.data_faults import data_faults
 from pipeline.rigs.rap.pressures.record import record_of
+from pipeline.rigs.rap.pressures.spans import Span
 from pipeline.rigs.rap.pressures.tap_levels import tap_levels
 from pipeline.rigs.rap.therapy.channel_fault import ChannelFault
 from pipeline.rigs.rap.therapy.channel_faults import channel_faults
@@ -25,6 +26,8 @@ _LONG, _ALIKE, _PAIR = 300.0, 0.1, 2
 # A table that ends that much earlier than the device's is told, s and as a share of the run.
 _EARLY, _EARLY_SHARE = 60.0, 0.02
 _SLOW = {"device_temperature", "bench_temperature", "events"}
+# Events that far from the pumps' starts and stops, both alike to so much, are on another clock, s.
+_APART, _APART_ALIKE = 30.0, 15.0
 _RUNNING = ("THERAPY", "PAUSE", "ALARM")
 
 
@@ -108,6 +111,25 @@ def table_lengths(recording: Recording) -> list[TableFault]:
             )
             found.append(TableFault(name, text, False, (last, end)))
     return found
+
+
+def events_apart(states: Sequence[tuple[float, str]], runs: Sequence[Span]) -> str:
+    """Say that the list of events stands on another clock than the pressures, '' where it does not.
+
+    `states` are the logged ones with their moments, `runs` when the pumps ran by the pressures, s: both first starts and both
+    last stops have to be apart by the same.
+    """
+    therapy = [i for i, (_, word) in enumerate(states) if word.upper() == "THERAPY"]
+    if not therapy or not runs or therapy[-1] + 1 >= len(states):
+        return ""
+    start, stop = states[therapy[0]][0] - runs[0][0], states[therapy[-1] + 1][0] - runs[-1][1]
+    if abs(start) < _APART or abs(start - stop) > _APART_ALIKE:
+        return ""
+    return (
+        f"the events stand {abs(start):.0f} s {'behind' if start > 0.0 else 'before'} the pressures: THERAPY begins {start:+.0f} s from the start of the pumps and "
+        f"ends {stop:+.0f} s from their stop. The list of events is on another clock; alarms and states are matched by it as logged. Bring both to "
+        "one clock."
+    )
 
 
 def cut_short(states: list[tuple[float, str]], end: float) -> str:

@@ -18,13 +18,14 @@ from pipeline.rigs.rap.pressures.spans import Span
 from pipeline.rigs.rap.therapy.battery_account import Battery, account
 from pipeline.rigs.rap.therapy.command import command_of
 from pipeline.rigs.rap.therapy.declaration import TherapySettings
-from pipeline.rigs.rap.therapy.faults import cut_short
+from pipeline.rigs.rap.therapy.faults import cut_short, events_apart
 from pipeline.rigs.rap.therapy.membrane_decline import Decline, decline
 from pipeline.rigs.rap.therapy.record import ALARMS, BATTERY, MEMBRANE, REDUNDANCY, TEMPERATURE, VOLUME, Record
 from pipeline.rigs.rap.therapy.temperature_error import TemperatureError
 from pipeline.rigs.rap.therapy.temperature_fit import TemperatureFit
 from pipeline.rigs.rap.therapy.temperature_numbers import temperatures_of
 from pipeline.rigs.rap.therapy.transmembrane import Transmembrane, transmembrane
+from pipeline.rigs.rap.therapy.uf_sign import turned
 from pipeline.rigs.rap.therapy.volume_numbers import VolumeNumbers, stops, volume_of
 
 _MEMBRANE_TAPS = ("prefilter", "return", "uf")
@@ -139,6 +140,8 @@ def _alarms(found: RunNumbers, settings: TherapySettings) -> None:
     told = cut_short(states, max(ends, default=0.0))
     if told:
         found.findings.append(QualityFinding("note", told, found.run, "therapy_state"))
+    if apart := events_apart(states, found.record.runs):
+        found.findings.append(QualityFinding("warning", apart, found.run, "therapy_state"))
 
 
 def _temperature(found: RunNumbers) -> None:
@@ -165,6 +168,10 @@ def _membrane(found: RunNumbers) -> None:
         return
     prefilter, back, uf = (one for one in taps.values() if one is not None)
     heads = {tap: head for tap, head in record.heads.items() if tap in _MEMBRANE_TAPS}
+    if why := turned(prefilter, back, uf, record.runs):
+        found.reasons[MEMBRANE] = why
+        found.findings.append(QualityFinding("error", why, found.run, "pressure_uf_rap"))
+        return
     try:
         gains = _gains(record)
         found.transmembrane = transmembrane(

@@ -147,7 +147,7 @@ def against_scale(
         ratio = estimate(
             "uf_rate_ratio", rate_scale.value / set_rate, rate_scale.std_error / set_rate, dof=rate_scale.dof
         )
-    problems += _scale_doubts(middle[counted], e, own_sd[counted], bias, what)
+    problems += _scale_doubts(middle[counted], e, own_sd[counted], bias, what, float(rate_scale.value or 0.0))
     made = VolumeError(
         rms=rms,
         final=final,
@@ -270,7 +270,9 @@ def _slope(name: str, time: np.ndarray, volume: np.ndarray, gain_u: float) -> Es
     return estimate(name, slope, sd, dof=told.dof)
 
 
-def _scale_doubts(time: np.ndarray, e: np.ndarray, sd: np.ndarray, bias: Estimate, what: str) -> list[QualityFinding]:
+def _scale_doubts(
+    time: np.ndarray, e: np.ndarray, sd: np.ndarray, bias: Estimate, what: str, rate: float
+) -> list[QualityFinding]:
     """Tell a constant difference and a drift between estimate and scale."""
     out = []
     by_level = bool(np.isfinite(sd).any())
@@ -281,9 +283,10 @@ def _scale_doubts(time: np.ndarray, e: np.ndarray, sd: np.ndarray, bias: Estimat
     drifts = drift.ci95 is not None and (drift.ci95[0] > 0.0 or drift.ci95[1] < 0.0)
     drifts &= abs(whole) > max(5e-6, 4.0 * doubt)
     if abs(value) > 3.0 * math.hypot(doubt, error) + 3e-6 and not (drifts and abs(whole) > abs(value)):
+        clocks = f" A scale whose clock stands {abs(value) / rate:.0f} s apart looks alike." if rate > 0.0 else ""
         text = f"{what} stands {1e6 * value:+.1f} mL off the scale throughout. " + (
             "The level alone cannot tell an offset of the sensor (1 mm is 8.5 mL) or the tank's area from the volume: calibrate the "
-            "geometry once with the scale, and check the tare."
+            "geometry once with the scale, and check the tare." + clocks
             if by_level
             else _DEVICE_ALONE
         )
