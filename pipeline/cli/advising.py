@@ -10,19 +10,15 @@ from dataclasses import asdict
 import click
 
 from pipeline.cli.findings_of import findings_of
-from pipeline.errors import InputError, counted, listing
-from pipeline.report.numbers import plain
-from pipeline.report.parameters import condition_text, unit_of_condition
-from pipeline.report.reading_units import reading_unit
+from pipeline.errors import InputError, listing
+from pipeline.report.advice import made_with, name_of, shared_place, shrunk, told
 from pipeline.report.words import clean
-from pipeline.rigs.advice import Advice, Proposal, Shrinkage
+from pipeline.rigs.advice import Advice
 from pipeline.rigs.experiment import Experiment
 from pipeline.rigs.registry import all_experiments
 from pipeline.rigs.registry import experiment as find_experiment
 
 _WIDTH = 96
-_TOLD = 8  # intervals of one proposal
-_WORTH_TELLING = 1.05  # times smaller
 
 
 def advise(campaign: str, as_json: bool) -> None:
@@ -49,11 +45,16 @@ def _lines(campaign: str, advice: Advice, experiment: Experiment) -> Iterator[st
         yield "Below each run the standard errors that it shrinks: now -> with it."
     for number, proposal in enumerate(advice.proposals, 1):
         yield ""
-        yield from _wrapped(f"{number}. {_how(proposal, experiment)}", "   ")
+        yield from _wrapped(f"{number}. {made_with(proposal, experiment)}", "   ")
         yield from _wrapped(f"   {clean(proposal.why)}", "   ")
-        told = [one for one in proposal.shrinks if one.factor is None or one.factor >= _WORTH_TELLING][:_TOLD]
-        width = max((len(_name(one, experiment)) for one in told), default=0)
-        yield from (f"     {_name(one, experiment):{width}}  {_shrunk(one)}" for one in told)
+        shown = told(proposal)
+        if place := shared_place(shown, experiment):
+            yield f"   At {place}:"
+        names = [name_of(one, shown, experiment) for one in shown]
+        width = max(map(len, names), default=0)
+        for name, one in zip(names, shown, strict=True):
+            factor = f"   {one.factor:.1f} times smaller" if one.factor is not None else ""
+            yield f"     {name:{width}}  {shrunk(one)}{factor}"
     for remark in advice.remarks:
         yield ""
         yield from _wrapped(clean(remark), "")
@@ -61,27 +62,3 @@ def _lines(campaign: str, advice: Advice, experiment: Experiment) -> Iterator[st
 
 def _wrapped(text: str, indent: str) -> list[str]:
     return textwrap.wrap(text, _WIDTH, subsequent_indent=indent)
-
-
-def _how(proposal: Proposal, experiment: Experiment) -> str:
-    parts = (
-        f"{clean(name).replace('_', ' ')} {_condition(name, value, experiment)}"
-        for name, value in proposal.conditions.items()
-    )
-    return f"{counted(proposal.runs, 'run')} with {', '.join(parts)}"
-
-
-def _condition(name: str, value: float | str, experiment: Experiment) -> str:
-    return condition_text(value, unit_of_condition(experiment, name))
-
-
-def _name(one: Shrinkage, experiment: Experiment) -> str:
-    at = ", ".join(f"{key.replace('_', ' ')} {_condition(key, value, experiment)}" for key, value in one.at.items())
-    return clean(f"{one.name} at {at}" if at else one.name)
-
-
-def _shrunk(one: Shrinkage) -> str:
-    unit = reading_unit(one.unit, one.now or one.then or 0.0)
-    now, then = ("not determined" if v is None else plain(v / unit.size, 2) for v in (one.now, one.then))
-    factor = f"   {one.factor:.1f} times smaller" if one.factor is not None else ""
-    return f"{now} -> {then} {unit.name}".rstrip() + factor

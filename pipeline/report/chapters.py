@@ -23,6 +23,7 @@ from pipeline.report.accounts import (
     repairs_table,
     runs_tables,
 )
+from pipeline.report.advice import proposals_table
 from pipeline.report.citation import bibtex, citation
 from pipeline.report.figure import FigureView, figure_view
 from pipeline.report.gathered import MOST_TOLD, told
@@ -92,7 +93,7 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
     numbers = _Numbers()
     made = [
         Chapter("key", "The numbers that matter", list(numbers.given(_key(findings, experiment)))),
-        Chapter("advice", "What to do next", [Listed(_advice(findings))] if findings.advice else []),
+        Chapter("advice", "What to do next", list(numbers.given(_next(findings, experiment)))),
     ]
     for place, section in enumerate(experiment.sections(findings), 1):
         made.append(Chapter(_anchor(section, place), clean(section.title), list(numbers.given(_section(section)))))
@@ -111,8 +112,9 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
     return [chapter for chapter in made if chapter.blocks]
 
 
-def _advice(findings: Findings) -> list[str]:
-    return told(findings.advice, (run.run for run in findings.runs))
+def _next(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
+    said = told(findings.advice, (run.run for run in findings.runs))
+    return [*([Listed(said)] if said else []), *_some(proposals_table(findings, experiment))]
 
 
 def _some(*tables: TableView | None) -> list[Block | Figure]:

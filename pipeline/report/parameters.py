@@ -104,7 +104,7 @@ def _without_run(parameter: Parameter) -> dict[str, float | str | bool]:
 def key_table(findings: Findings, experiment: Experiment) -> TableView:
     """Return the table of the numbers that matter."""
     rows: list[tuple[Shown, Reading | None, str]] = []
-    shown: list[Parameter | None] = []
+    shown: list[tuple[Parameter, ReadingUnit] | None] = []
     for parameters in key_parameters(findings, experiment):
         if len(parameters) > _MOST_KEY_ROWS:
             rows.append(_range_row(parameters, experiment))
@@ -116,8 +116,8 @@ def key_table(findings: Findings, experiment: Experiment) -> TableView:
             about = _meaning(parameter, experiment)
             what = Shown(symbol_of(parameter) + (f" at {place}" if place else ""), about)
             rows.append((what, _reading(parameter, unit), unit.name))
-            shown.append(parameter)
-    return _list_view("key", "The numbers that matter", rows, _parts(shown, experiment))
+            shown.append((parameter, unit))
+    return _list_view("key", "The numbers that matter", rows, _parts(shown))
 
 
 def parameter_tables(findings: Findings, experiment: Experiment) -> list[TableView]:
@@ -242,7 +242,7 @@ def _constant_view(parameters: Sequence[Parameter], experiment: Experiment) -> T
         rows.append((Shown(symbol_of(parameter) + name, _meaning(parameter, experiment)), _reading(parameter, unit),
                      unit.name))  # fmt: skip
     more = [
-        *_parts(parameters, experiment),
+        *_parts([(p, common_unit([p], experiment)) for p in parameters]),
         (Head("Source"), [clean(p.source) for p in parameters]),
         (Head("Method"), [clean(p.method) for p in parameters]),
     ]
@@ -250,15 +250,15 @@ def _constant_view(parameters: Sequence[Parameter], experiment: Experiment) -> T
     return _list_view("parameters", "Parameters with one value for the campaign", rows, more)
 
 
-def _parts(parameters: Sequence[Parameter | None], experiment: Experiment) -> list[tuple[Head, list[str]]]:
+def _parts(shown: Sequence[tuple[Parameter, ReadingUnit] | None]) -> list[tuple[Head, list[str]]]:
     """Return the column that splits standard errors into scatter (A) and calibration (B), if any of them holds both."""
     texts = []
-    for parameter in parameters:
-        if parameter is None or parameter.type_b is None:
+    for one in shown:
+        parameter, unit = one or (None, None)
+        if parameter is None or unit is None or parameter.type_b is None:
             texts.append("")
             continue
-        size = common_unit([parameter], experiment).size
-        parts = (plain((part or 0.0) / size, 2) for part in (type_a(parameter), parameter.type_b))
+        parts = (plain((part or 0.0) / unit.size, 2) for part in (type_a(parameter), parameter.type_b))
         texts.append("A {}, B {}".format(*parts))
     return [(Head("Of it: scatter A, calibration B"), texts)] if any(texts) else []
 
