@@ -22,6 +22,8 @@ $(VENV)/ready: requirements.txt pyproject.toml
 setup: $(VENV)/ready
 
 reports: setup
+	@# A kill at the wrong millisecond leaves these of DVC empty, and it refuses to go on with them.
+	@for file in .dvc/tmp/rwlock dvc.lock; do test -s $$file || rm -f $$file; done
 	$(BIN)/dvc repro --keep-going
 	@echo "$(CURDIR)/reports/index.html"
 

@@ -56,15 +56,21 @@ def test_a_damaged_recording_is_an_error_that_says_what_to_do(campaign: Path, ri
     assert "rigfit ingest" in answer.err
 
 
-@pytest.mark.parametrize("after", [0.25, 0.5, 0.8])
-def test_kill_at_any_moment_and_the_next_run_completes_identically(campaign: Path, rigfit: Call, after: float) -> None:
+@pytest.mark.parametrize(
+    ("words", "after"),
+    [(("ingest", "wire", "--force"), 0.5), (("ingest", "wire", "--force"), 0.8), (("identify", "wire"), 1.0)],
+    ids=["ingest, early", "ingest", "identify"],
+)
+def test_kill_at_any_moment_and_the_next_run_completes_identically(
+    campaign: Path, rigfit: Call, words: tuple[str, ...], after: float
+) -> None:
     good = results(campaign)
     environment = {**os.environ, "PYTHONPATH": str(TOY_RIG)}
-    command = [sys.executable, "-m", "pipeline.cli", "ingest", "wire", "--force"]
+    command = [sys.executable, "-m", "pipeline.cli", *words]
     with subprocess.Popen(command, cwd=campaign, env=environment, stdout=subprocess.DEVNULL) as process:
         time.sleep(after)
         process.send_signal(signal.SIGKILL)
     assert rigfit("ingest", "wire").status == 0
     assert rigfit("identify", "wire").status == 0
     assert results(campaign) == good
-    assert not list((campaign / "recordings/wire").glob(".*.partial"))
+    assert not list(campaign.rglob("*.partial"))
