@@ -96,16 +96,6 @@ def test_measured_current_is_trusted_over_the_label() -> None:
     assert campaign.one("stiffening_secant", coil_current=2.0).value == pytest.approx(0.679, abs=6e-3)
 
 
-def test_loading_branch_alone_tells_the_stiffness_but_no_hysteresis() -> None:
-    campaign = found(*(changed(r, unchanged, keep=r.stream_of(D).time < 59.0) for r in (AT_0, AT_2)))
-    assert secant_at_0(campaign) == pytest.approx(SECANT_0, rel=5e-3)
-    for name in ("stiffness", "alpha", "rho", "loss_ratio", "unloading_drop"):
-        p = campaign.one(name, coil_current=0.0)
-        assert p.value is None
-        assert "loading branch" in p.description
-    assert "Log the release too" in words(campaign)
-
-
 def test_release_that_does_not_return_leaves_the_loss_open_only() -> None:
     campaign = found(changed(AT_0, unchanged, keep=AT_0.stream_of(D).time < 85.0), AT_2)
     assert campaign.one("loss_ratio", coil_current=0.0).value is None

@@ -58,6 +58,7 @@ def test_campaign_with_gain_scatter_is_recovered_from_its_logs(seed: int) -> Non
     assert not fit.rejected
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scatter", [0.0, 0.004])
 def test_intervals_hold_the_truth(scatter: float) -> None:
     held, count = 0, 0

@@ -150,14 +150,6 @@ def test_small_amplitudes_leave_the_bouc_wen_terms_open_and_say_what_to_do() -> 
     assert_numbers_hold(findings)
 
 
-def test_one_loop_over_and_over_leaves_the_maxwell_branch_open_and_is_sent_to_mre_shear() -> None:
-    findings = batch(moved(lambda t: 4e-4 * np.sin(2 * np.pi * 7.3 * t)))
-    assert findings.verdict == "warning"
-    assert {"k1", "s1", "tau", "k2"} <= undetermined(findings)
-    assert said(findings, "mre.shear treats such runs better")
-    assert not findings.find("moving_mass")
-
-
 @pytest.mark.parametrize("duration", [4.0, 10.0])
 def test_a_short_record_gives_wider_intervals_that_hold(duration: float) -> None:
     findings = identify(rich(duration=duration))

@@ -83,6 +83,7 @@ def test_the_model_predicts_fig_17() -> None:
     assert effect.agrees
 
 
+@pytest.mark.thorough
 def test_intervals_hold_the_truth() -> None:
     held, count = 0, 0
     for seed in range(5):

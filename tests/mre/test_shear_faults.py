@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from faulty_logs import (
     ODD,
-    TRUTH,
     Change,
     assert_numbers_hold,
     identify,
@@ -223,26 +222,6 @@ def test_a_single_cycle_gives_its_metrics_and_no_model() -> None:
     assert said(findings, "less than two cycles")
     assert findings.find("stiffness_secant")
     assert not findings.find("k1")
-
-
-def test_one_frequency_does_not_separate_k1_from_k2_and_the_advice_says_what_would() -> None:
-    findings = identify(
-        SHEAR.synthesize({"duration": 1.5, "preload_runs": False, "frequencies": [10.0], "currents": [0.0, 6.0]}, 2)
-    )
-    assert findings.verdict == "warning"
-    assert findings.one("k1").value is None
-    assert any("Add a run at 2 Hz" in advice for advice in findings.advice)
-
-
-def test_small_loops_leave_only_the_sum_of_k2_and_alpha_rho() -> None:
-    truth = {"duration": 2.0, "preload_runs": False, "amplitudes": [1e-4], "currents": [0.0]}
-    findings = identify(SHEAR.synthesize(truth, 2))
-    assert findings.verdict == "warning"
-    assert findings.one("alpha_bw").value is None
-    total = findings.one("k2_plus_alpha_rho")
-    assert total.ci95 is not None
-    assert total.ci95[0] < TRUTH.k2 + TRUTH.alpha_bw * TRUTH.rho < total.ci95[1]
-    assert any("amplitude" in advice for advice in findings.advice)
 
 
 def test_another_device_goes_through_without_pads_and_currents(campaign: list[Recording]) -> None:

@@ -83,6 +83,7 @@ def test_a_coil_of_5_ms_is_no_set_point() -> None:
     assert found.one("delay", direction="rise").value == pytest.approx(0.02, abs=3e-3)
 
 
+@pytest.mark.thorough
 def test_milliseconds_taken_as_seconds_are_named_and_the_work_stays_bounded() -> None:
     plain = log(rate=500.0)
     (stream,) = plain.streams.values()

@@ -42,6 +42,7 @@ def test_first_half_predicts_the_second() -> None:
     assert fit.nrmse_second_half < 0.01
 
 
+@pytest.mark.thorough
 def test_intervals_hold_the_truth() -> None:
     held, count = 0, 0
     for seed in range(4):

@@ -117,6 +117,7 @@ def _parameter(e: Estimate, settings: AxialSettings, rejected: bool) -> Paramete
         symbol=spec.symbol,
         value=value,
         std_error=error,
+        type_b=gain * abs(value) if value is not None and gain > 0 and interval is not None else None,
         ci95=interval,
         unit=spec.unit,
         at=dict(e.at),

@@ -164,7 +164,7 @@ def _parameters(
             reason = "the force of this run is not to be used, see the reasons"
             estimates = [undetermined(e.name, reason, e.at) for e in estimates]
         method = f"separable least squares on {found.fit.rows.current.size} holds: means and creep"
-        told += [_parameter(e, at, method) for e in estimates]
+        told += [_parameter(e, at, method, gain if e.name == "force_initial" else 0.0) for e in estimates]
     if not analysed:
         told += [_parameter(undetermined(name, "there is no log with an axial force"), {}, "") for name in _FORCE]
     for run, field in fields.items():
@@ -182,13 +182,15 @@ def _parameters(
     return told
 
 
-def _parameter(e: Estimate, at: OperatingPoint, method: str) -> Parameter:
+def _parameter(e: Estimate, at: OperatingPoint, method: str, gain_error: float = 0.0) -> Parameter:
+    """Return an estimate as a parameter; of its error `gain_error` times the value comes from the calibration."""
     spec = _SPECS[e.name]
     return Parameter(
         name=e.name,
         symbol=spec.symbol,
         value=e.value,
         std_error=e.std_error,
+        type_b=gain_error * abs(e.value) if gain_error and e.value is not None else None,
         ci95=e.ci95,
         unit=spec.unit,
         at={**at, **dict(e.at)},

@@ -19,6 +19,9 @@ _LINES_BELOW = 3  # multiples of the mains frequency that are fitted beside the 
 # Periodogram bins averaged for the noise level at one harmonic: those within a factor of 1.6 in frequency, where a
 # coloured noise changes little, but enough for a standard deviation to 8 %.
 _FEWEST_BINS, _MOST_BINS, _BAND = 40, 200, 1.6
+# Where they reach over a larger ratio of frequencies, the level is taken to go as a power of it, and to differ from their
+# mean by less than a factor.
+_FAR, _BENT, _SCORINGS = 4.0, 10.0, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +222,26 @@ def _noise(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> np.ndarray
     count = np.round(count).astype(int)
     if power.size < 2 * count.max():
         return np.full(orders.size, white / math.sqrt(fit.effective_fraction))
-    total = np.r_[0.0, np.cumsum(power)]
     first = np.clip(np.searchsorted(bins, at) - count // 2, 0, power.size - count)
-    level = (total[first + count] - total[first]) / count
-    return np.asarray(np.sqrt(level))
+    windows = [slice(start, start + n) for start, n in zip(first, count, strict=True)]
+    return np.sqrt([_level(bins[w], power[w], f) for w, f in zip(windows, at, strict=True)])
+
+
+def _level(frequency: np.ndarray, power: np.ndarray, at: float) -> float:
+    """Return the level of a periodogram at a frequency: its mean, or a power law where few bins reach far.
+
+    Periodogram ordinates are exponentially distributed about the level: a gamma regression with a logarithmic link, whose
+    Fisher scoring is ordinary least squares of the working response.
+    """
+    mean = float(power.mean())
+    if frequency[-1] < _FAR * max(frequency[0], 1e-300) or not mean > 0:
+        return mean
+    x = np.log(frequency / at)
+    A = np.column_stack([np.ones(x.size), x])
+    solve = np.linalg.pinv(A)
+    found = np.array([math.log(mean), 0.0])
+    for _ in range(_SCORINGS):
+        eta = A @ found
+        found = solve @ (eta + power * np.exp(-eta) - 1)
+    level = math.exp(min(found[0], 700.0))
+    return level if mean / _BENT < level < mean * _BENT else mean
