@@ -172,7 +172,7 @@ def test_of_a_thousand_runs_of_few_cycles_chance_makes_none_soften() -> None:
     assert np.abs(change).max() > 5 * 3e-4
     for largest in (0.0, 0.2):
         change[0] = largest
-        wanders = [Wander(0.0, 0.0, 0.0, size, 0.0, 3e-4, 3, 2.0) for size in change.tolist()]
+        wanders = [Wander(0.0, 0.0, 0.0, 0.0, size, 0.0, 3e-4, 3, 2.0) for size in change.tolist()]
         loops = [SimpleNamespace(run=f"r{i}", wander=wander, loop=None) for i, wander in enumerate(wanders)]
         assert len(say_unsteady(SortedRuns(loops=cast("list[UsableRun]", loops)))) == (largest > 0)
 
