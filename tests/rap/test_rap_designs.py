@@ -17,7 +17,7 @@ from pipeline.recording import Recording
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.rap.synthetic import rig
 
-SEEDS = (3, 8)
+SEEDS = (3, pytest.param(8, marks=pytest.mark.thorough))
 
 
 def late(recording: Recording) -> Recording:
