@@ -42,7 +42,7 @@ LINNET_1993 = Reference(
     1993,
     volume="39",
     pages="424-432",
-    note="Deming regression, resampled intervals",
+    note="Deming regression",
 )
 KNAPP_CARTER_1976 = Reference(
     "knapp1976",

@@ -84,8 +84,7 @@ def deming(one: Aligned, levels: Sequence[Level], bench_gain_u: float | None = N
     x, y = means.bench, means.device
     shift = float(x.mean()), float(y.mean())
     u, v = x - shift[0], y - shift[1]
-    sums = means.blocks.sums(np.stack([np.ones_like(u), u, v, u * u, v * v, u * v], axis=-1))
-    whole = _line(sums.sum(axis=0), ratio, shift)
+    whole = _line(np.array([u.size, u.sum(), v.sum(), u @ u, v @ v, u @ v]), ratio, shift)
     pulls = np.stack([u / (u @ u), 1.0 / u.size - shift[0] * u / (u @ u)])
     spread, dof = _spread(means, whole, pulls)
     type_b = whole[0] * (bench_gain_u or 0.0)

@@ -62,7 +62,7 @@ def _agreement(findings: Findings) -> str:
     return (
         "For the agreement the bench was read at the device's samples by a spline on its Fourier series and went through the device's pole instead of its own. Bias and limits of agreement "
         "(Bland and Altman 1986, 1999) were taken of samples, of 5 s means and of stroke amplitudes, with intervals from blocks of 20 s. Gain and offset are Deming's regression of 5 s means, "
-        f"with a ratio of the noise variances of {ratio} as the floors of the spectra give it, standstill included; intervals by leaving out one block of 20 s after the other (after Linnet 1993). Tolerances: gain "
+        f"with a ratio of the noise variances of {ratio} as the floors of the spectra give it, standstill included; its errors are those that the scatter of all means gives, those that hang together counted by their effective number. Tolerances: gain "
         f"{100 * float(settings.get('gain_tolerance', 0.02)):g} %, offset {float(settings.get('offset_tolerance', MMHG)) / MMHG:.3g} mmHg, the whole interval within.{coherence}"
     )
 
