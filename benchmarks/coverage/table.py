@@ -93,7 +93,7 @@ def _line(label: str, found: Sequence[tuple[int, Row]]) -> Line:
         share95=_share95(share, [float(np.mean(one)) for one in held.values()]),
         bias=float(np.mean(z)) if z else math.nan,
         spread=float(np.std(z)) if z else math.nan,
-        rms=float(np.sqrt(np.mean(np.square(relative)))) if relative else math.nan,
+        rms=float(np.sqrt(np.nanmean(np.square(relative)))) if np.isfinite(relative).any() else math.nan,
         efficiency=1.0 / float(np.mean(np.square(over_bound))) if over_bound else None,
         over_seeds=over_seeds,
     )
