@@ -145,7 +145,7 @@ def test_amplitudes_near_zero_hold_the_truth_95_times_in_100():
     time = np.arange(500.0)
     for true in (0.0, 1.0, 30.0):
         held = []
-        for _ in range(200):
+        for _ in range(400):
             noise = rng.standard_normal((2, 500))
             signal = noise + true * np.sqrt(4 / 500) * np.cos(2 * np.pi * 0.02 * time)
             found = amplitude(harmonics(time, signal, 0.01), noise, "x", 2)
