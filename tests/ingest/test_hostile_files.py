@@ -217,7 +217,7 @@ FUZZED = ("csv", "mcap", "mat", "bag", "db3", "hdf5", "columnar", "recipe", "run
 
 
 @pytest.mark.parametrize("name", FUZZED)
-@settings(max_examples=int(os.environ.get("RIGFIT_FUZZ", "6")), deadline=None, derandomize=True, database=None,
+@settings(max_examples=int(os.environ.get("RIGFIT_FUZZ", "4")), deadline=None, derandomize=True, database=None,
           suppress_health_check=list(HealthCheck))  # fmt: skip
 @given(random=st.randoms(use_true_random=False))
 def test_spoilt_input_is_refused_in_words_or_read(tmp_path_factory: pytest.TempPathFactory, name: str, random) -> None:

@@ -14,7 +14,7 @@ from pipeline.errors import InputError
 from pipeline.ingest.scan import scan_log
 
 N = 400
-SEEDS = range(int(os.environ.get("RIGFIT_MUTATIONS", "25")))
+SEEDS = range(int(os.environ.get("RIGFIT_MUTATIONS", "8")))
 TIME = np.arange(N) / 200.0
 ROWS = list(zip(TIME.tolist(), np.sin(9 * TIME).tolist(), (50 * np.cos(9 * TIME)).tolist(), strict=True))
 WORDS = [
