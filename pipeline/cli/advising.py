@@ -7,9 +7,8 @@ import textwrap
 from collections.abc import Iterator
 from dataclasses import asdict
 
-import click
-
 from pipeline.cli.findings_of import findings_of
+from pipeline.cli.saying import say
 from pipeline.errors import InputError, listing
 from pipeline.report.advice import made_with, name_of, shared_place, shrunk, told
 from pipeline.report.words import clean
@@ -31,10 +30,10 @@ def advise(campaign: str, as_json: bool) -> None:
         raise InputError(f"{experiment.id} proposes no runs; {listing(able)} can.{said}")
     advice = experiment.advise(findings)
     if as_json:
-        click.echo(json.dumps(asdict(advice), indent=1, ensure_ascii=False))
+        say(json.dumps(asdict(advice), indent=1, ensure_ascii=False))
         return
     for line in _lines(clean(findings.campaign), advice, experiment):
-        click.echo(line)
+        say(line)
 
 
 def _lines(campaign: str, advice: Advice, experiment: Experiment) -> Iterator[str]:

@@ -165,8 +165,8 @@ def _quality(findings: Findings) -> list[Block | Figure]:
 
 
 def _uncertainty(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
-    text = stated(findings, experiment)
-    return [*([Paragraphs([text])] if text else []), *_some(budget_table(findings))]
+    table = budget_table(findings)
+    return [Paragraphs([stated(findings, experiment)]), table] if table else []
 
 
 def _runs(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
@@ -177,7 +177,7 @@ def _runs(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
 
 
 def _methods(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
-    blocks: list[Block | Figure] = [Paragraphs(experiment.methods(findings))]
+    blocks: list[Block | Figure] = [Paragraphs([*experiment.methods(findings), stated(findings, experiment)])]
     if experiment.references:
         blocks.append(Listed([citation(reference) for reference in experiment.references], numbered=True))
         blocks.append(Code("The same as BibTeX", bibtex(experiment.references)))

@@ -29,9 +29,13 @@ def type_a(parameter: Parameter) -> float | None:
 
 
 def stated(findings: Findings, experiment: Experiment) -> str:
-    """Return what the recipe says of the channels' calibration, in one sentence; '' where it says nothing."""
+    """Return what the recipe says of the channels' calibration and what was done with it, for readers and for a paper."""
     if not findings.calibration:
-        return ""
+        more = " beyond what is told as type B" if any(p.type_b for p in findings.parameters) else ""
+        return (
+            f"The recipe states no uncertainty of the channels' calibration, so that none is in the intervals{more}: a gain or an "
+            "offset that is off in all runs alike shifts the numbers unseen."
+        )
     parts = []
     for name, entry in findings.calibration.items():
         of = []

@@ -45,7 +45,7 @@ def _batch(findings: Findings) -> str:
         f"{findings.settings.get('starts', 2)} starts on the liveliest part. With a field, k2 stands for k2 + k_MR and a viscous column gives s_MR. "
         f"A constant lag of the force {told}. Offset, mains lines and, where the data ask for it, a slow drift are fitted along. Standard errors allow for residuals "
         "that are correlated in time (Newey and West 1987), over two and a half periods of the low-pass, and are no smaller than sixty stretches of the record scatter. What a cubic of a sensor or of the pad, a gain that changes, or viscous damping without a field would find in the residual is held against the scatter of sixty stretches; what is seen is told, and widens the intervals by what it would shift. The fit of the first half predicts the second, as a test. "
-        "Intervals hold 95 % and type A contributions only: gain errors of the sensors scale stiffness, damping and force and are not in them."
+        "Intervals hold 95 %."
     )
 
 

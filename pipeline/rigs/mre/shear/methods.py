@@ -124,8 +124,7 @@ def _errors(findings: Findings) -> str:
         else ""
     )
     return (
-        f"{text}{together}Intervals hold 95 %; they are Student's with the degrees of freedom of the scatter and contain type A "
-        "contributions only: a gain error common to all runs scales stiffness, damping and force and is not in them. "
+        f"{text}{together}Intervals hold 95 %; they are Student's with the degrees of freedom of the scatter. "
         "A parameter is called undetermined where the Jacobian's condition and its own error say so."
     )
 
