@@ -47,8 +47,8 @@ def stated(findings: Findings, experiment: Experiment) -> str:
         parts.append(f"{clean(name)} {' and '.join(of)}")
     return (
         f"Stated standard uncertainties (k = 1), common to all runs: {'; '.join(parts)}. The campaign was identified again "
-        "with each of them one standard uncertainty high and low; the intervals hold both types. Curves and tables of the "
-        "evidence above show type A alone."
+        "with each of them one standard uncertainty high and low; the intervals hold both types. Bands and errors that "
+        "the evidence shows beside the parameters are of type A."
     )
 
 

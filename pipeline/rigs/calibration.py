@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple, overload
 import numpy as np
 
 from pipeline.errors import InputError, listing
-from pipeline.findings import Findings, Parameter
+from pipeline.findings import Findings, Parameter, Quality
 from pipeline.recording import Recording
 from pipeline.recording.altered import altered
 from pipeline.rigs.experiment import Context, Experiment
@@ -86,9 +86,11 @@ def identify_calibrated(
     """
     began = time.perf_counter()
     found = experiment.identify(recordings, settings, context)
+    found = found.model_copy(update={"quality": [*found.quality, *_not_handed_over(context.uses)]})
     inputs = list(_inputs(experiment, recordings, calibration))
     if not inputs:
-        return found
+        told = list(_remarks([], recordings, calibration))
+        return found.model_copy(update={"quality": [*found.quality, *told]})
     cost = time.perf_counter() - began
     tasks = [
         (experiment.id, _Off(recordings, one, side), settings, context.campaign, context.uses)
@@ -102,18 +104,58 @@ def identify_calibrated(
         context.progress((number + 1) / len(tasks), f"calibration: {inputs[number // 2].told}")
     sides = [(_matched(parameters, others[2 * k]), _matched(parameters, others[2 * k + 1])) for k in range(len(inputs))]
     carried = [_carried(p, inputs, [(up[k], down[k]) for up, down in sides]) for k, p in enumerate(parameters)]
+    lost = [p for p, c in zip(parameters, carried, strict=True) if p.value is not None and c.parameter.value is None]
+    used = dict.fromkeys(one.channel for one in inputs)
     return found.model_copy(
         update={
+            "verdict": "warning" if lost and found.verdict == "ok" else found.verdict,
+            "reasons": [*([_lost(lost)] if lost else []), *found.reasons],
             "parameters": [c.parameter for c in carried],
             "calibration": {
-                name: {"gain_u": c.gain_u, "offset_u": c.offset_u}
-                for name, c in calibration.items()
-                if c.gain_u or c.offset_u
+                name: {"gain_u": calibration[name].gain_u, "offset_u": calibration[name].offset_u} for name in used
             },
+            "quality": [*found.quality, *_remarks(parameters, recordings, calibration)],
             "advice": [*found.advice, *_advice(experiment, carried, inputs)],
             "arrays": {**found.arrays, BUDGET: _budget(carried, inputs)},
         }
     )
+
+
+def _not_handed_over(uses: Mapping[str, Findings]) -> Iterator[Quality]:
+    for name, findings in uses.items():
+        if findings.calibration:
+            yield Quality(
+                level="warning",
+                message=f"the recipe of '{name}', whose findings are used here, states calibrations of {listing(findings.calibration)}: "
+                "they are in its own intervals, but not in those here.",
+            )
+
+
+def _lost(parameters: Sequence[Parameter]) -> str:
+    names = dict.fromkeys(p.name for p in parameters)
+    return (
+        f"Within the stated uncertainty of the calibration {listing(names, 6)} cannot be told any more: with an input one standard "
+        "uncertainty up or down there is no value at the same operating point."
+    )
+
+
+def _remarks(
+    parameters: Sequence[Parameter], recordings: Sequence[Recording], calibration: Mapping[str, Calibration]
+) -> Iterator[Quality]:
+    carried = {name for recording in recordings for name in recording.names}
+    for name in calibration:
+        if name not in carried:
+            yield Quality(
+                level="note",
+                channel=name,
+                message=f"the recipe states how well '{name}' is calibrated, but no log carries it: nothing was done with that.",
+            )
+    if any(p.type_b for p in parameters):
+        yield Quality(
+            level="note",
+            message="the logs or settings state uncertainties of their own that are in the intervals (type B); what the recipe "
+            "states of its channels came on top. State each uncertainty once.",
+        )
 
 
 def _inputs(
@@ -186,40 +228,40 @@ def _kin(parameter: Parameter) -> tuple[Any, ...]:
 
 
 def _value_at(at: Mapping[str, float | str | bool], others: Sequence[Parameter]) -> float | None:
+    """Return the value at an operating point: told there, or between the points that moved; None where neither."""
     for other in others:
         if other.at == at:
             return other.value
-    near = [other for other in others if _near(at, other.at, others)]
-    if not near:
-        return None
-    moved = {key for other in near for key in at if other.at[key] != at[key]}
-    if len(moved) > 1:
-        return near[0].value
-    key = moved.pop()
-    points = {
-        float(o.at[key]): o.value
-        for o in others
-        if o.value is not None and all(o.at[other] == at[other] for other in at if other != key)
-    }
-    if len(points) < 2:
-        return near[0].value
+    moved = [key for key in at if others and not any(other.at[key] == at[key] for other in others)]
+    moved = moved or [key for key, value in at.items() if not isinstance(value, str | bool)]
+    if len(moved) != 1:
+        near = [other for other in others if _near(at, other.at)]
+        return near[0].value if near else None
+    key = moved[0]
+    line = [o for o in others if o.value is not None and all(o.at[k] == at[k] for k in at if k != key)]
+    return _between({float(o.at[key]): float(o.value or 0.0) for o in line}, float(at[key]))
+
+
+def _between(points: Mapping[float, float], place: float) -> float | None:
+    """Return the value at `place` of a smooth line through the points; beyond its ends by half the distance of two."""
     x = np.array(sorted(points))
+    if x.size < 2:
+        close = x.size == 1 and math.isclose(float(x[0]), place, rel_tol=_MOVED)
+        return points[float(x[0])] if close else None
+    reach = np.maximum(0.5 * np.diff(x)[[0, -1]], _MOVED * abs(place))
+    if not x[0] - reach[0] <= place <= x[-1] + reach[1]:
+        return None
     from scipy.interpolate import PchipInterpolator
 
-    return float(PchipInterpolator(x, [points[one] for one in x])(float(at[key])))
+    return float(PchipInterpolator(x, [points[float(one)] for one in x])(place))
 
 
-def _near(
-    at: Mapping[str, float | str | bool], other: Mapping[str, float | str | bool], all_others: Sequence[Parameter]
-) -> bool:
+def _near(at: Mapping[str, float | str | bool], other: Mapping[str, float | str | bool]) -> bool:
     """Tell whether all numbers of two operating points of the same words differ by no more than a calibration may."""
-    for key, value in at.items():
-        if isinstance(value, str | bool):
-            continue
-        size = max(abs(float(o.at[key])) for o in all_others)
-        if not math.isclose(value, float(other[key]), rel_tol=_MOVED, abs_tol=0.2 * _MOVED * size):
-            return False
-    return True
+    return all(
+        isinstance(value, str | bool) or math.isclose(value, float(other[key]), rel_tol=_MOVED)
+        for key, value in at.items()
+    )
 
 
 class _Carried(NamedTuple):

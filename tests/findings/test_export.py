@@ -60,6 +60,7 @@ def test_the_csv_holds_every_parameter_with_its_operating_point() -> None:
         "synchronous": "",
         "value": "100000007",
         "std_error": "10000",
+        "type_b": "",
         "ci95_low": "",
         "ci95_high": "",
         "unit": "N/m",

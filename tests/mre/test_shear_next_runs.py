@@ -96,4 +96,4 @@ def test_rejected_findings_and_loops_without_a_model_get_no_advice(campaign: lis
     findings = identify(campaign)
     assert not advice_of(findings.model_copy(update={"verdict": "rejected"})).proposals
     bare = findings.model_copy(update={"arrays": {}})
-    assert "No model" in advice_of(bare).remarks[0]
+    assert "no fit of loops" in advice_of(bare).remarks[0]

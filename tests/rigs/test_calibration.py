@@ -96,6 +96,8 @@ def test_what_stands_on_one_exact_calibration_is_not_told(monkeypatch: pytest.Mo
     )
     assert found.parameters[0].value is None
     assert "gain of 'extension'" in found.parameters[0].description
+    assert found.verdict == "warning"
+    assert "stiffness" in found.reasons[0]
 
 
 def test_altered_channels_leave_the_others_and_the_blocks_alike() -> None:
@@ -132,3 +134,16 @@ def test_an_operating_point_that_is_measured_is_told_where_it_was(monkeypatch: p
         [0.01 * 200.0 * x for x in (0.0, 0.004, 0.008, 0.012, 0.016)], rel=0.02
     )
     assert all(p.value is not None for p in found.parameters)
+
+
+def test_a_channel_that_no_log_carries_is_told_and_not_claimed() -> None:
+    found = calibrated(temperature=Calibration(gain_u=0.01), force=Calibration(gain_u=0.01))
+    assert list(found.calibration) == ["force"]
+    assert any(q.channel == "temperature" and "no log carries it" in q.message for q in found.quality)
+    assert any(q.channel == "temperature" for q in calibrated(temperature=Calibration(gain_u=0.01)).quality)
+
+
+def test_a_calibration_of_findings_that_are_used_is_not_claimed_to_be_in_the_intervals() -> None:
+    bench = calibrated(force=Calibration(gain_u=0.01))
+    found = identify_calibrated(SPRING, synthesize({}, 1), SpringSettings(), Context("road", {"bench": bench}), {})
+    assert any(q.level == "warning" and "not in those here" in q.message for q in found.quality)

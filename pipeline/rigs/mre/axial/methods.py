@@ -64,8 +64,4 @@ def _errors(findings: Findings, runs: pd.DataFrame) -> str:
         for name in ("force_gain_error", "displacement_gain_error")
         if findings.settings.get(name)
     ]
-    return text + (
-        f" Calibration errors (1 sigma) are in the intervals: {', '.join(gains)}."
-        if gains
-        else " Calibration errors of the sensors are not in them."
-    )
+    return text + (f" Calibration errors (1 sigma) are in the intervals: {', '.join(gains)}." if gains else "")
