@@ -194,6 +194,7 @@ def test_a_run_without_its_core_numbers_is_not_ok() -> None:
     assert any("too short for a nominal value" in reason for reason in short.reasons)
 
 
+@pytest.mark.thorough
 def test_another_flywheel_is_not_averaged_into_the_campaign() -> None:
     runs = [synthesize({**PLAIN, "runs": ("g3",)}, seed)[0] for seed in (1, 2, 3)]
     heavy = synthesize({**PLAIN, "runs": ("g5",), "J_L": 0.026}, 4)

@@ -60,6 +60,7 @@ def test_play_of_the_gauge_is_named() -> None:
         assert "play" in words(campaign)
 
 
+@pytest.mark.thorough
 def test_sound_logs_have_no_jumps() -> None:
     for seed in range(6):
         for truth in ({}, {"gauge_step": 1e-6, "rate_ripple": 0.3}, {"cycles": 2}):

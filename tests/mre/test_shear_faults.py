@@ -193,6 +193,7 @@ def test_a_still_start_does_not_enter(campaign: list[Recording]) -> None:
 # Mains
 
 
+@pytest.mark.thorough
 def test_hum_of_another_mains_frequency_is_suspected(campaign: list[Recording]) -> None:
     hummed = in_all(campaign, "force", lambda t, F: F + 5 * np.sin(2 * np.pi * 60 * t + 1))
     findings = identify(hummed)

@@ -83,6 +83,7 @@ def test_the_mr_effect_is_told_at_equal_force_and_at_equal_amplitude(findings: F
     assert row.found == pytest.approx(599.7e3, rel=2e-3)
 
 
+@pytest.mark.thorough
 def test_the_variant_of_the_truth_wins_by_bic() -> None:
     changing = {"alpha_mr": {2.0: 10.0, 4.0: 20.0, 6.0: 30.0}, "s_mr": {2.0: 0.0, 4.0: 0.0, 6.0: 0.0}}
     found = identified(synthesize_shear({**changing, "preload_runs": False}, 3))

@@ -108,6 +108,7 @@ def test_the_report_shows_trends_in_place_of_every_run(findings: Findings) -> No
     assert len(render_report(findings, SHEAR, "many", "rigfit run").encode()) < 2e6
 
 
+@pytest.mark.thorough
 def test_few_sentences_tell_why_many_runs_are_left_out() -> None:
     found = identified(list(recordings(replace(CAMPAIGN, bad=0.3, seed=2))))
     faulty = [plan.run.name for plan in plans(replace(CAMPAIGN, bad=0.3, seed=2)) if plan.fault]

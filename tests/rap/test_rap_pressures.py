@@ -73,6 +73,7 @@ def test_coherence_is_told_at_each_line_tap_and_set_point(findings: Findings) ->
     assert all(p.value is not None and p.value > 0.99 for p in first)
 
 
+@pytest.mark.thorough
 def test_uncertainty_of_the_flow_meter_is_told_apart_and_carried(whole: Recording) -> None:
     sure, unsure = found(whole), found(told(whole, {"flowmeter_gain_u": 0.01}))
     a, b = sure.one("r_return"), unsure.one("r_return")

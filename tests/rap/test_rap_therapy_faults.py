@@ -197,6 +197,7 @@ def test_scale_without_tare_on_a_filled_tank_tells_changes_only() -> None:
     assert rms < 5e-6
 
 
+@pytest.mark.thorough
 def test_clock_that_began_long_before_the_run_changes_no_number() -> None:
     run = short()
     streams = {n: Stream(n, s.time + 86400.0, s.channels) for n, s in run.streams.items()}

@@ -45,6 +45,7 @@ def test_proposals_are_sorted_within_reach_and_name_what_gains() -> None:
     assert any("calibrate it" in remark for remark in found.remarks)
 
 
+@pytest.mark.thorough
 def test_a_second_speed_is_advised_where_loss_and_lag_are_not_told_apart() -> None:
     found = identified(synthesize_bench({"duration": 10.0, "runs": ["load_1000", "load_2000", "load_3000"]}, 4))
     best = advise(found).proposals[0]

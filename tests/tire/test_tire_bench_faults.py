@@ -125,6 +125,7 @@ def test_load_and_speed_in_each_others_place_are_named():
         identified([swapped])
 
 
+@pytest.mark.thorough
 def test_a_circuit_that_no_run_states_is_told_and_what_rests_on_it_says_so():
     unsaid = {"divider_resistance": None, "supply_voltage": None, "adc_reference": None}
     found = identified([told(log, **unsaid) for log in logs()])

@@ -47,6 +47,7 @@ def test_gain_and_times_are_recovered_without_bias():
     assert fits[0].chi2_reduced == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.thorough
 def test_noise_of_the_flex_sensor_does_not_bias_the_gain():
     # With the flex sensor taken as exact, ten times this noise biases G' by several per cent.
     gains = [fit_film(_runs(seed=s, noise=10.0), **LENGTHS).values[0] for s in range(12)]
