@@ -120,7 +120,7 @@ def write_mcap(path: Path, size: float) -> None:
             for payload in payloads:
                 writer.add_message(channel, stamp, payload, stamp)
                 stamp += step
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
 
 
 def ingested(log: Path) -> None:

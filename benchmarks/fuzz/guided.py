@@ -153,7 +153,7 @@ def _with_atheris(session: Session, corpus: list[bytes], seconds: float, seed: i
 
     def spoilt(data: bytes, most: int, seed: int) -> bytes:
         if rng.random() < 0.5:
-            return atheris.Mutate(data, most)  # type: ignore[no-any-return]
+            return atheris.Mutate(data, most)
         return mutated(data, corpus, session.target.words, session.target.as_json, random.Random(seed))[:most]
 
     options = [

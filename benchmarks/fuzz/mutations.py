@@ -51,7 +51,7 @@ def _spoil(data: bytearray, others: Sequence[bytes], words: Sequence[bytes], rng
     elif kind == 2:
         size, order = rng.choice((1, 2, 4, 8)), rng.choice(("little", "big"))
         number = rng.choice(_NUMBERS) & ((1 << 8 * size) - 1)
-        data[at : at + size] = number.to_bytes(size, order)  # type: ignore[arg-type]
+        data[at : at + size] = number.to_bytes(size, order)
     elif kind == 3:
         del data[at : at + rng.choice((1, 2, 4, 8, 30, 300, 3000))]
     elif kind == 4 and words:

@@ -55,7 +55,7 @@ def _mcap(encoding: str, kind: str, name: str, schema: bytes, payloads: list[byt
             )
             for i, payload in enumerate(payloads):
                 writer.add_message(channel, _EPOCH + i * _STEP, payload, _EPOCH + i * _STEP)
-            writer.finish()  # type: ignore[no-untyped-call]
+            writer.finish()
 
     return _made(write, "log.mcap")
 
@@ -148,7 +148,7 @@ def bag() -> list[bytes]:
         with writer:
             _write_ros(writer, 1)
 
-    return [_made(lambda path, packed=packed: write(path, packed), "log.bag") for packed in ("", "BZ2", "LZ4")]  # type: ignore[misc]
+    return [_made(lambda path, packed=packed: write(path, packed), "log.bag") for packed in ("", "BZ2", "LZ4")]
 
 
 def db3() -> list[bytes]:

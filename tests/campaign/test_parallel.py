@@ -48,7 +48,7 @@ def test_without_a_word_for_it_a_killed_process_is_no_traceback() -> None:
 
 
 def test_a_log_that_crashes_its_reader_is_left_out_and_named() -> None:
-    task = ingest_stage._Task("r7", (), {"": "datasets/a/r7.h5"}, None, None, "")  # type: ignore[arg-type]
+    task = ingest_stage._Task("r7", (), {"": "datasets/a/r7.h5"}, None, None, "")
     run, said = ingest_stage._died(task, Path())
     assert run == "r7"
     assert said.startswith("datasets/a/r7.h5: the process that read it was killed")

@@ -61,7 +61,7 @@ def put(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
 def shear(n: int = N, **about: object) -> MemoryTable:
     columns = {"time": TIME[:n], "Load cell": 0.2 * SINE[:n], "displacement": 0.4 * SINE[:n], "spare": SINE[:n]}
     units = {"time": "s", "Load cell": "kN", "displacement": "mm", "spare": "V"}
-    return MemoryTable(columns, units, **about)  # type: ignore[arg-type]
+    return MemoryTable(columns, units, **about)
 
 
 def taken(
@@ -75,7 +75,7 @@ def taken(
     files = [("", files)] if isinstance(files, Path) else files
     maps = {"force": ChannelMap("Load cell")} if maps is None else maps
     sources = {"coil_current": "runs.csv"}
-    return ingest.ingest_run(run, files, specs, maps, {"coil_current": 6.0}, sources, folder, **about)  # type: ignore[arg-type]
+    return ingest.ingest_run(run, files, specs, maps, {"coil_current": 6.0}, sources, folder, **about)
 
 
 def test_a_recording_says_all_of_itself(tmp_path: Path, put: Callable[..., Path]) -> None:
@@ -223,7 +223,7 @@ def test_a_failure_leaves_what_was_there(tmp_path: Path, put: Callable[..., Path
 
 def test_an_ingest_that_breaks_in_the_middle_leaves_nothing(tmp_path: Path, put: Callable[..., Path]) -> None:
     class Breaking(MemoryTable):
-        def blocks(self, names: Sequence[str] | None = None):  # type: ignore[no-untyped-def]
+        def blocks(self, names: Sequence[str] | None = None):
             yield from list(super().blocks(names))[:2]
             raise InputError("the file is cut off at byte 12")
 
@@ -287,7 +287,7 @@ def test_memory_is_bounded_by_the_block_and_not_by_the_log(tmp_path: Path, put: 
     class Endless(MemoryTable):
         """20 blocks made on demand, each as large as the first."""
 
-        def blocks(self, names: Sequence[str] | None = None):  # type: ignore[no-untyped-def]
+        def blocks(self, names: Sequence[str] | None = None):
             for number in range(20):
                 block = next(super().blocks(names))
                 yield {key: values + number * 20.0 if key == "time" else values for key, values in block.items()}

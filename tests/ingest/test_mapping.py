@@ -26,12 +26,12 @@ def resolved(
 
 def si(selection: Selection, name: str) -> np.ndarray:
     (channel,) = [channel for channel in selection.channels if channel.name == name]
-    return channel.si(selection.source.table.columns[channel.raw.name])  # type: ignore[attr-defined]
+    return channel.si(selection.source.table.columns[channel.raw.name])
 
 
 def refusal(*args: object, **kwargs: object) -> str:
     with pytest.raises(InputError) as caught:
-        resolved(*args, **kwargs)  # type: ignore[arg-type]
+        resolved(*args, **kwargs)
     return str(caught.value)
 
 
@@ -110,7 +110,7 @@ def test_an_optional_channel_may_be_missing_but_not_one_that_the_recipe_names() 
 
 def test_a_canonical_name_without_unit_is_si_and_that_is_said() -> None:
     (selection,) = resolved(MemoryTable({"force": NUMBERS}), [FORCE])
-    assert si(selection, "force") is selection.source.table.columns["force"]  # type: ignore[attr-defined]
+    assert si(selection, "force") is selection.source.table.columns["force"]
     (note,) = selection.notes
     assert note.level == "warning"
     assert "taken as N" in note.message

@@ -27,13 +27,13 @@ def sampled(step: float) -> Sampling:
 
 def found(columns: dict[str, np.ndarray], entry: ChannelMap | None = None, **about: object) -> TimeSource:
     metadata = about.pop("metadata", None)
-    table = MemoryTable({**columns, "force": VALUES}, **about)  # type: ignore[arg-type]
-    return find_times(sources_of(table, metadata=metadata), entry)[0]  # type: ignore[arg-type]
+    table = MemoryTable({**columns, "force": VALUES}, **about)
+    return find_times(sources_of(table, metadata=metadata), entry)[0]
 
 
 def timed(stamps: np.ndarray, name: str = "time", unit: str | None = None, **about: object) -> np.ndarray:
     units = {"force": "N", **({name: unit} if unit else {})}
-    table = MemoryTable({name: stamps, "force": VALUES}, units, **about)  # type: ignore[arg-type]
+    table = MemoryTable({name: stamps, "force": VALUES}, units, **about)
     _, (sink,) = streamed(table, specs=[FORCE])
     return sink.time
 

@@ -27,7 +27,7 @@ def _signals(current: float, duration: float, rate: float) -> tuple[ShearTruth, 
 def rich(current: float = 0.0, seed: int = 2, duration: float = 20.0, rate: float = 2000.0) -> Recording:
     """Return one record."""
     truth, signals = _signals(current, duration, rate)
-    return rich_recording(truth, current, seed, signals)  # type: ignore[arg-type]
+    return rich_recording(truth, current, seed, signals)
 
 
 def samples(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

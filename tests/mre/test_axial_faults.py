@@ -19,11 +19,11 @@ SECANT_0 = 510.12e3
 
 
 def force(function: object) -> Change:
-    return lambda t, c: {**c, F: function(t, c[F])}  # type: ignore[operator]
+    return lambda t, c: {**c, F: function(t, c[F])}
 
 
 def gauge(function: object) -> Change:
-    return lambda t, c: {**c, D: function(t, c[D])}  # type: ignore[operator]
+    return lambda t, c: {**c, D: function(t, c[D])}
 
 
 def secant_at_0(campaign: Findings) -> float | None:

@@ -45,7 +45,7 @@ def fluxed() -> list[Recording]:
     for run in press(1):
         (stream,) = run.streams.values()
         flux = Channel("flux_density", 0.15 * stream.channels["current"].values, "T")
-        stream.channels[flux.name] = flux  # type: ignore[index]
+        stream.channels[flux.name] = flux
         out.append(run)
     return out
 

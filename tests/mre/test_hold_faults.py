@@ -19,7 +19,7 @@ def log(**truth: object) -> Recording:
 
 
 def force(change: object, **truth: object) -> Recording:
-    return changed(log(**truth), "force_axial", change)  # type: ignore[arg-type]
+    return changed(log(**truth), "force_axial", change)
 
 
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
@@ -53,7 +53,7 @@ def test_mt_as_t_costs_the_field_only(factor: float, words: str) -> None:
     ],
 )
 def test_what_cannot_be_used_is_refused_in_words(channel: str, change: object, words: str) -> None:
-    recording = changed(log(), channel, change)  # type: ignore[arg-type]
+    recording = changed(log(), channel, change)
     words = words.replace("only has 0 samples", "only 0 samples")
     with pytest.raises(InputError, match=words):
         hold([recording])

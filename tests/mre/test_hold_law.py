@@ -24,7 +24,7 @@ def staircase(duration: float, rate: float, noise: float, levels: np.ndarray = S
 
 @pytest.mark.parametrize("module", [law, current_levels, repeats, blank, lags], ids=lambda m: m.__name__)
 def test_examples_in_docstrings(module: object) -> None:
-    assert doctest.testmod(module).failed == 0  # type: ignore[arg-type]
+    assert doctest.testmod(module).failed == 0
 
 
 def test_p_1_is_froehlich_kennelly_and_large_p_a_hinge() -> None:

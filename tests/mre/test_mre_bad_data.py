@@ -109,7 +109,7 @@ def _inertia(recording: Recording, mass: float) -> Recording:
 
 def _heated() -> Findings:
     warm = [
-        with_conditions(changed(r, "force", lambda _, F, i=i: F * (1 - 0.004 * i)), sequence_index=float(i))  # type: ignore[misc]
+        with_conditions(changed(r, "force", lambda _, F, i=i: F * (1 - 0.004 * i)), sequence_index=float(i))
         for i, r in enumerate(_campaign())
     ]
     return shear(warm)

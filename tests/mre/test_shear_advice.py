@@ -70,7 +70,7 @@ def test_runs_at_many_close_amplitudes_do_not_share_one_line() -> None:
 def test_checks_of_the_paper_are_marked_as_such_and_do_not_change_with_the_pads() -> None:
     def rows(diameter: float) -> list[Published]:
         loop = SimpleNamespace(pads=SimpleNamespace(diameter=diameter, height=0.006))
-        return published(SimpleNamespace(loops=[loop]), None)  # type: ignore[arg-type]
+        return published(SimpleNamespace(loops=[loop]), None)
 
     assert {row.basis for row in rows(0.05)} == {"paper"}
     assert rows(0.05) == rows(0.0505)

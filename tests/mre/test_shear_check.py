@@ -40,7 +40,7 @@ def test_a_sound_loop_says_nothing() -> None:
         (lambda x, F: (x, 1e3 * F), "MPa"),
     ],
 )
-def test_units_are_told_from_one_run(change, words) -> None:  # type: ignore[no-untyped-def]
+def test_units_are_told_from_one_run(change, words) -> None:
     found = list(SHEAR.check(recording(*change(*loop()))))
     assert [finding.level for finding in found] == ["warning"]
     assert words in found[0].message
@@ -54,7 +54,7 @@ def test_units_are_told_from_one_run(change, words) -> None:  # type: ignore[no-
         (lambda x, F: (F, x), "they are swapped"),
     ],
 )
-def test_what_leaves_a_run_out_is_an_error_in_the_words_of_identification(change, likely) -> None:  # type: ignore[no-untyped-def]
+def test_what_leaves_a_run_out_is_an_error_in_the_words_of_identification(change, likely) -> None:
     run = recording(*change(*loop()))
     found = list(SHEAR.check(run))
     assert [finding.level for finding in found] == ["error"]

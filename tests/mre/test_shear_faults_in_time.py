@@ -106,7 +106,7 @@ def test_a_step_of_the_forces_zero_is_told_with_its_time_and_doubted(campaign: l
 
 
 def test_zeros_that_differ_from_run_to_run_are_told(campaign: list[Recording]) -> None:
-    shifted = [changed(r, "force", lambda _, F, i=i: F + 10.0 * i) for i, r in enumerate(campaign)]  # type: ignore[misc]
+    shifted = [changed(r, "force", lambda _, F, i=i: F + 10.0 * i) for i, r in enumerate(campaign)]
     findings = identify(shifted)
     assert said(findings, "wanders from run to run")
     assert_numbers_hold(findings)

@@ -127,10 +127,7 @@ def test_an_early_force_is_early_in_every_sentence(campaign: list[Recording]) ->
 
 def heating(recordings: list[Recording], order: Callable[[int], int], share: float) -> list[Recording]:
     """Runs whose force falls by `share` per run; `order` says which place run i had."""
-    return [
-        changed(r, "force", lambda _, F, i=i: F * (1 - share * order(i)))  # type: ignore[misc]
-        for i, r in enumerate(recordings)
-    ]
+    return [changed(r, "force", lambda _, F, i=i: F * (1 - share * order(i))) for i, r in enumerate(recordings)]
 
 
 def size_of(reason: str) -> float:

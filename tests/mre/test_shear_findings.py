@@ -20,7 +20,7 @@ FIELD = {2.0: (7.55e4, 120.0), 4.0: (1.51e5, 240.0), 6.0: (2.265e5, 360.0)}
 
 
 def identified(recordings: Sequence[Recording], **settings: object) -> Findings:
-    return SHEAR.identify(recordings, ShearSettings(**settings), Context("test", {}))  # type: ignore[arg-type]
+    return SHEAR.identify(recordings, ShearSettings(**settings), Context("test", {}))
 
 
 @pytest.fixture(scope="module")

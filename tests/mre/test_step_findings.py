@@ -186,7 +186,7 @@ def test_drift_is_taken_out_and_said() -> None:
     ],
 )
 def test_what_cannot_be_used_is_refused_in_words(channel: str, change: object, words: str) -> None:
-    recording = changed(log(), channel, change)  # type: ignore[arg-type]
+    recording = changed(log(), channel, change)
     with pytest.raises(InputError, match=words):
         step([recording])
     with pytest.raises(InputError, match=words):

@@ -202,7 +202,7 @@ def toy_experiment(shown: Callable[[Findings], Sequence[Section]] = sections) ->
                     ParameterSpec("k_mr", "k_{MR}", "N/m", "stiffness added by the field", key=True),
                     ParameterSpec("s_mr", "s_{MR}", "N s/m", "damping added by the field", key=True),
                     ParameterSpec("stiffness_storage", "K'", "N/m", "in-phase stiffness", key=True)],
-        settings=PadSettings, identify=nothing, synthesize=nothing, sections=shown,  # type: ignore[arg-type]
+        settings=PadSettings, identify=nothing, synthesize=nothing, sections=shown,
         methods=lambda findings: ["The loops were expanded in harmonics and fitted by variable projection [1, 2]."],
     )  # fmt: skip
 

@@ -24,7 +24,7 @@ HOSTILE = 'run $\\frac{1}$ <script>alert(1)</script> & "quoted" fill: #0067a5 \x
 
 
 def one(marks: Sequence[Mark], x: Axis | None = None, y: Axis | None = None, **panel: object) -> Figure:
-    panels = [Panel(marks, x or Axis("x", "m"), y or Axis("y", "N"), **panel)]  # type: ignore[arg-type]
+    panels = [Panel(marks, x or Axis("x", "m"), y or Axis("y", "N"), **panel)]
     return Figure("figure", "Title", "Caption.", "Alternative text.", panels)
 
 

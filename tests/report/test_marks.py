@@ -197,7 +197,7 @@ def test_a_status_is_a_word_and_a_colour() -> None:
     view = table_view(Table("t", "t", "", [Column("claim"), Column("status")], rows))
     cells = [row[1].text for row in view.rows]
     assert [re.sub("<.*?>", "", cell) for cell in cells] == ["agrees", "contradicts", "not checkable", "a&lt;b"]
-    assert [re.search(r"badge (\w+)", cell)[1] for cell in cells] == ["ok", "rejected", "unsaid", "ok"]  # type: ignore[index]
+    assert [re.search(r"badge (\w+)", cell)[1] for cell in cells] == ["ok", "rejected", "unsaid", "ok"]
 
 
 def test_temperatures_are_read_in_degrees_celsius_and_their_errors_in_kelvin() -> None:

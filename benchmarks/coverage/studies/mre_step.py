@@ -1,8 +1,7 @@
 """Coverage of `mre.step`: the current switched on and off once.
 
-No bound. Two time constants are told one by one only where they are surely apart: of those that are told the larger comes out
-large and the smaller small, by a third of a standard error. Where the second lag of the fall is not told, t90 and the first lag
-rest on a fit that admits it, and are told too narrow still: in them lies which of the two models is right.
+No bound. A second lag is told only where the log asks for it. Of the fall, whose second lag is a tenth of the first and told in
+three campaigns of four, it then comes out large by a third of a standard error, and the delay small by as much.
 """
 
 from __future__ import annotations
