@@ -29,6 +29,7 @@ _LARGEST = 200.0  # A, of any such coil
 _RIPPLE = 0.01  # of the range of the current
 _SMOOTH = 1e-7  # of the range: the bend from sample to sample of a log without noise
 _BOTH = 0.1  # of the largest current: what is negative beyond is no noise
+_HOLE = 1.5  # periods of the samples: some are lost
 _QUICK = 6e-3  # s, samples that are closer show how a coil's current rises
 DIRECTIONS = ("rise", "fall")
 
@@ -172,7 +173,7 @@ def record_of(recording: Recording) -> Record:
     inside &= ~frozen
     time, force = time[inside], force[inside]
     time, force = _thinned(time, force)
-    current = np.interp(grid, own, raw)
+    current = np.interp(grid, *_with_onsets(own, raw, steps, period))
     return Record(
         recording.run,
         recording,
@@ -245,7 +246,8 @@ def _onset(
 ) -> tuple[float, float, int]:
     """Return when the current begins to change, its standard error where the samples do not resolve it, samples in the change.
 
-    The straight line through the passage of 5 and of 25 % is carried back to 0.
+    The exponential of a coil through the passage of 5 and of 25 % is carried back to 0; where samples are lost there, that through
+    the first ones after them.
     """
     rows = (time > before.stop - 6 * stairs.step) & (time < after.start + 6 * stairs.step)
     t = time[rows]
@@ -260,8 +262,23 @@ def _onset(
             last -= stairs.step
             first -= stairs.step
         return 0.5 * (last + first), (first - last) / math.sqrt(12), resolved
-    low, high = passes(t, share, floor), passes(t, share, floor + 0.2)
-    return low - (high - low) * floor / 0.2, 0.0, resolved
+    first = int(np.flatnonzero(share >= floor)[0])
+    hidden = first > 0 and bool(t[first] - t[first - 1] > _HOLE * stairs.step)
+    one = float(share[first]) if hidden and share[first] < 0.9 else floor  # a passage that a sample saw
+    other = min(one + 0.2, 0.5 * (1 + one))
+    low, high = passes(t, share, one), passes(t, share, other)
+    onset = low + (high - low) * math.log(1 - one) / math.log((1 - one) / (1 - other))
+    return max(onset, float(t[first - 1])) if hidden else onset, 0.0, resolved
+
+
+def _with_onsets(time: np.ndarray, current: np.ndarray, steps: Sequence[Step], period: float) -> np.ndarray:
+    """Return times and currents, shape (2, n), with the onsets that lie in a hole put in: until then the level before holds."""
+    known = np.vstack([time, current])
+    for step in steps:
+        k = int(np.searchsorted(known[0], step.onset))
+        if 0 < k < known.shape[1] and step.spread == 0 and known[0, k] - known[0, k - 1] > _HOLE * period:
+            known = np.insert(known, k, [step.onset, step.before], axis=1)
+    return known
 
 
 def _refuse_clipped(

@@ -130,8 +130,9 @@ def through_lags(truth: StepTruth, command: np.ndarray, *, rising: bool) -> np.n
 def true_times(truth: StepTruth, *, rising: bool) -> tuple[float, float]:
     """Return t63 and t90 of the force, counted from the onset of the current, s."""
     grid = np.arange(0, 20.0, _FINE)
-    # The lag starts at its input: one sample at rest first.
+    # The lag starts at its input: one sample at rest first, from which the input is a ramp to the next.
     y = through_lags(truth, np.r_[0.0, np.ones(grid.size - 1)], rising=rising)
+    grid -= 0.5 * _FINE
     return float(np.interp(1 - np.exp(-1), y, grid)), float(np.interp(0.9, y, grid))
 
 

@@ -20,8 +20,9 @@ SHARES = {"t63": 1 - math.exp(-1), "t90": 0.9}
 _WIDEST = 0.4
 _HOPELESS = 20.0  # of a logarithm, or of a delay in s: nothing is known then
 # Standard errors by which two time constants must differ to be two numbers. The data know the square of their difference, which noise
-# alone lifts off 0: its standard error is half as many times smaller than that of the difference itself.
-_APART = 6.0
+# alone lifts off 0: its relative standard error is twice that of the difference, and it must pass 0 by the one-sided 1 % point. Were
+# more asked for, the larger would be told mostly where noise makes it larger still.
+_APART = 2 * 2.326
 # Steps of the force's converter over its noise that bias levels; what they do to a time constant, relative.
 _COARSE, _BLUR = 1.5, 2.5
 # A change of the current within one sample hides all that is shorter than so many samples.
