@@ -266,7 +266,12 @@ def _calibration(name: str, entry: ChannelEntry, experiment: Experiment, where: 
             f"{where}: gain_u is the relative standard uncertainty of the channel's gain, from 0 up to 50 %, as '0.5 %' or "
             f"0.005; found {entry.gain_u}."
         )
-    return Calibration(gain, _offset_u(entry, spec.unit, where))
+    offset = _offset_u(entry, spec.unit, where)
+    if spec.limit is not None and offset > spec.limit:
+        raise InputError(
+            f"{where}: offset_u {entry.offset_u} is more than '{name}' itself can plausibly be ({spec.limit:g} {spec.unit}); check its unit."
+        )
+    return Calibration(gain, offset)
 
 
 def _offset_u(entry: ChannelEntry, unit: str, where: str) -> float:

@@ -20,6 +20,10 @@ def findings_of(campaign: str) -> tuple[Findings, Path]:
     path = Path(campaign)
     if path.name == "findings.json" or (path / "findings.json").is_file():
         return storage.read(path), path if path.is_dir() else path.parent
+    if path.suffix == ".json" or len(path.parts) > 1:
+        raise InputError(
+            f"{campaign}: there is no findings.json, nor a folder that holds one. Name one, or a campaign of this project."
+        )
     results = Project.around(Path.cwd()).campaign(campaign).results
     if not (results / "findings.json").is_file():
         raise InputError(

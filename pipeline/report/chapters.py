@@ -102,7 +102,7 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
         ("published", "Published values", _some(published_table(findings.published))),
         ("quality", "Quality of the data", _quality(findings)),
         ("parameters", "All parameters", [*parameter_tables(findings, experiment)]),
-        ("uncertainty", "Scatter and calibration", _uncertainty(findings, experiment)),
+        ("uncertainty", "Scatter and calibration", _uncertainty(findings)),
         ("runs", "Runs", _runs(findings, experiment)),
         ("paper", "Checks of the paper, without these logs", _some(paper_table(findings.published))),
         ("methods", "How it was done", _methods(findings, experiment)),
@@ -164,9 +164,8 @@ def _quality(findings: Findings) -> list[Block | Figure]:
     return tables or [Paragraphs(["Nothing was noticed, and nothing was repaired."])]
 
 
-def _uncertainty(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
-    table = budget_table(findings)
-    return [Paragraphs([stated(findings, experiment)]), table] if table else []
+def _uncertainty(findings: Findings) -> list[Block | Figure]:
+    return _some(budget_table(findings))
 
 
 def _runs(findings: Findings, experiment: Experiment) -> list[Block | Figure]:

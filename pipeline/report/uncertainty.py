@@ -48,7 +48,7 @@ def stated(findings: Findings, experiment: Experiment) -> str:
     return (
         f"Stated standard uncertainties (k = 1), common to all runs: {'; '.join(parts)}. The campaign was identified again "
         "with each of them one standard uncertainty high and low; the intervals hold both types. Bands and errors that "
-        "the evidence shows beside the parameters are of type A."
+        "the evidence shows beside the parameters, and comparisons and judgements made with them, are of type A."
     )
 
 

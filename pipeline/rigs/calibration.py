@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple, overload
 import numpy as np
 
 from pipeline.errors import InputError, listing
-from pipeline.findings import Findings, Parameter, Quality
+from pipeline.findings import Findings, Parameter, Quality, Verdict
 from pipeline.recording import Recording
 from pipeline.recording.altered import altered
 from pipeline.rigs.experiment import Context, Experiment
@@ -35,6 +35,8 @@ _NOTHING = 1e-6
 _CURVED = 0.01
 # Share of a parameter's variance that one input must have for the advice to name it.
 _RULES = 0.5
+
+_RANK: tuple[Verdict, ...] = ("ok", "warning", "rejected")
 
 Kind = Literal["gain", "offset"]
 
@@ -98,23 +100,30 @@ def identify_calibrated(
         for side in (1.0, -1.0)
     ]
     parameters, seconds = found.parameters, cost * len(tasks)
-    others: list[list[Parameter] | None] = []
+    others: list[_Told] = []
     for number, one in enumerate(context.each(_identified, tasks, seconds)):
         others.append(one)
         context.progress((number + 1) / len(tasks), f"calibration: {inputs[number // 2].told}")
-    sides = [(_matched(parameters, others[2 * k]), _matched(parameters, others[2 * k + 1])) for k in range(len(inputs))]
-    carried = [_carried(p, inputs, [(up[k], down[k]) for up, down in sides]) for k, p in enumerate(parameters)]
+    up, down = ([_matched(parameters, told.parameters) for told in others[side::2]] for side in (0, 1))
+    carried = [
+        _carried(p, inputs, [(u[k], d[k]) for u, d in zip(up, down, strict=True)]) for k, p in enumerate(parameters)
+    ]
+    doubts = list(_other_verdicts(found, inputs, others))
     lost = [p for p, c in zip(parameters, carried, strict=True) if p.value is not None and c.parameter.value is None]
     used = dict.fromkeys(one.channel for one in inputs)
     return found.model_copy(
         update={
-            "verdict": "warning" if lost and found.verdict == "ok" else found.verdict,
-            "reasons": [*([_lost(lost)] if lost else []), *found.reasons],
+            "verdict": "warning" if (lost or doubts) and found.verdict == "ok" else found.verdict,
+            "reasons": [*([_lost(lost)] if lost else []), *doubts, *found.reasons],
             "parameters": [c.parameter for c in carried],
             "calibration": {
                 name: {"gain_u": calibration[name].gain_u, "offset_u": calibration[name].offset_u} for name in used
             },
-            "quality": [*found.quality, *_remarks(parameters, recordings, calibration)],
+            "quality": [
+                *found.quality,
+                *_remarks(parameters, recordings, calibration),
+                *_without_effect(carried, inputs),
+            ],
             "advice": [*found.advice, *_advice(experiment, carried, inputs)],
             "arrays": {**found.arrays, BUDGET: _budget(carried, inputs)},
         }
@@ -158,6 +167,17 @@ def _remarks(
         )
 
 
+def _without_effect(carried: Sequence[_Carried], inputs: Sequence[_Input]) -> Iterator[Quality]:
+    for k, one in enumerate(inputs):
+        if not any(c.linear[k] or c.curved[k] for c in carried if c.parameter.type_b):
+            yield Quality(
+                level="warning",
+                channel=one.channel,
+                message=f"the stated uncertainty of the {one.told} changes no number: either none rests on it, or it only tells at which "
+                "operating point numbers hold, which are told as set; what an error of that point does to them is in no interval.",
+            )
+
+
 def _inputs(
     experiment: Experiment, recordings: Sequence[Recording], calibration: Mapping[str, Calibration]
 ) -> Iterator[_Input]:
@@ -197,16 +217,37 @@ class _Off(Sequence[Recording]):
         return changed if self._off.no_value is None else np.where(values == self._off.no_value, values, changed)
 
 
+class _Told(NamedTuple):
+    """What an identification tells: parameters (None where nothing can be identified), verdict and its first reason."""
+
+    parameters: list[Parameter] | None
+    verdict: Verdict = "rejected"
+    reason: str = ""
+
+
 def _identified(
     experiment: str, recordings: Sequence[Recording], settings: Any, campaign: str, uses: Mapping[str, Findings]
-) -> list[Parameter] | None:
-    """Return the parameters of these recordings; None where nothing can be identified."""
+) -> _Told:
     from pipeline.rigs.registry import experiment as find_experiment
 
     try:
-        return find_experiment(experiment).identify(recordings, settings, Context(campaign, uses)).parameters
-    except InputError:
-        return None
+        found = find_experiment(experiment).identify(recordings, settings, Context(campaign, uses))
+    except InputError as error:
+        return _Told(None, reason=str(error))
+    return _Told(found.parameters, found.verdict, next(iter(found.reasons), ""))
+
+
+def _other_verdicts(found: Findings, inputs: Sequence[_Input], others: Sequence[_Told]) -> Iterator[str]:
+    """Say which inputs, off by one standard uncertainty, would have given a worse verdict."""
+    for k, one in enumerate(inputs):
+        sides = ((told, word) for told, word in zip(others[2 * k : 2 * k + 2], ("higher", "lower"), strict=True))
+        worse = [(told, word) for told, word in sides if _RANK.index(told.verdict) > _RANK.index(found.verdict)]
+        if worse:
+            told, word = worse[0]
+            yield (
+                f"With the {one.told} one standard uncertainty {word} the verdict would be '{told.verdict}': "
+                f"{told.reason or 'nothing could be identified.'}"
+            )
 
 
 def _matched(parameters: Sequence[Parameter], others: Sequence[Parameter] | None) -> list[float | None]:

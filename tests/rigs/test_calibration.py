@@ -147,3 +147,28 @@ def test_a_calibration_of_findings_that_are_used_is_not_claimed_to_be_in_the_int
     bench = calibrated(force=Calibration(gain_u=0.01))
     found = identify_calibrated(SPRING, synthesize({}, 1), SpringSettings(), Context("road", {"bench": bench}), {})
     assert any(q.level == "warning" and "not in those here" in q.message for q in found.quality)
+
+
+def test_an_input_that_changes_no_number_is_said() -> None:
+    found = calibrated(force=Calibration(offset_u=5.0))
+    assert any(q.level == "warning" and "offset of 'force' changes no number" in q.message for q in found.quality)
+
+
+def test_a_verdict_that_hangs_on_a_calibration_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    limit = float(np.abs(synthesize({}, 1)[0].values("force")).max())
+
+    def strict(recordings, settings, context) -> Findings:
+        found = SPRING.identify(recordings, settings, context)
+        strong = np.abs(recordings[0].values("force")).max() > 1.001 * limit
+        return found.model_copy(update={"verdict": "rejected", "reasons": ["Too strong."]}) if strong else found
+
+    experiment = replace(SPRING, identify=strict)
+    monkeypatch.setattr(registry, "experiment", lambda _id: experiment)
+    found = identify_calibrated(
+        experiment, synthesize({}, 1), SpringSettings(), CONTEXT, {"force": Calibration(gain_u=0.01)}
+    )
+    assert found.verdict == "warning"
+    assert (
+        "gain of 'force' one standard uncertainty higher the verdict would be 'rejected': Too strong."
+        in found.reasons[0]
+    )

@@ -104,7 +104,11 @@ def advise(findings: Findings) -> Advice:
     """Return the load ratios that would shrink most intervals, and what no run at this load can help."""
     if "design" not in findings.arrays:
         return Advice(
-            (), ("No law holds for these orbits, so that no run can be planned with it: lower the load ratio.",)
+            (),
+            (
+                "These findings hold no law that a run could be planned with: none holds for the orbits (lower the load ratio), or an "
+                "earlier version of rigfit wrote them (identify again).",
+            ),
         )
     found: list[tuple[float, Proposal]] = []
     remarks: list[str] = []
