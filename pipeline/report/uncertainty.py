@@ -14,7 +14,7 @@ from pipeline.report.numbers import plain
 from pipeline.report.reading_units import reading_unit
 from pipeline.report.table import TableView, table_view
 from pipeline.report.words import clean
-from pipeline.rigs.calibration import BUDGET, place_of
+from pipeline.rigs.calibration_effects import BUDGET, place_of
 from pipeline.rigs.experiment import Experiment
 
 _TOLD = 3  # inputs named for a parameter

@@ -13,7 +13,8 @@ from pipeline.errors import InputError
 from pipeline.findings import Findings
 from pipeline.recording.altered import altered
 from pipeline.rigs import registry
-from pipeline.rigs.calibration import BUDGET, Calibration, identify_calibrated
+from pipeline.rigs.calibration import Calibration, identify_calibrated
+from pipeline.rigs.calibration_effects import BUDGET
 from pipeline.rigs.experiment import Context
 
 CONTEXT = Context("pulls", {})

@@ -19,9 +19,9 @@ _LINES_BELOW = 3  # multiples of the mains frequency that are fitted beside the 
 # Periodogram bins averaged for the noise level at one harmonic: those within a factor of 1.6 in frequency, where a
 # coloured noise changes little, but enough for a standard deviation to 8 %.
 _FEWEST_BINS, _MOST_BINS, _BAND = 40, 200, 1.6
-# Where they reach over a larger ratio of frequencies, the level is taken to go as a power of it, and to differ from their
-# mean by less than a factor.
-_FAR, _BENT, _SCORINGS = 4.0, 10.0, 6
+# Where they reach over a larger ratio of frequencies, the level is taken to bend with it (a quadratic of the logarithms), and
+# to differ from their mean by less than a factor.
+_FAR, _BENT, _SCORINGS = 1.3, 10.0, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +202,7 @@ def _noise(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> np.ndarray
     """Return the standard deviation of the real (and imaginary) part of each harmonic, shape of `orders`.
 
     White residuals give sigma sqrt(2/n). A coloured residual is worse at some harmonics, most at low ones: the level is
-    the mean of the residual's periodogram over the nearest bins that the regression has not emptied, more of them the
+    that of the residual's periodogram there, from the nearest bins that the regression has not emptied, more of them the
     higher the harmonic.
     """
     white = fit.sigma * math.sqrt(2 / fit.n)
@@ -228,18 +228,18 @@ def _noise(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> np.ndarray
 
 
 def _level(frequency: np.ndarray, power: np.ndarray, at: float) -> float:
-    """Return the level of a periodogram at a frequency: its mean, or a power law where few bins reach far.
+    """Return the level of a periodogram at a frequency: its mean, or a quadratic of logarithms where the bins reach further.
 
-    Periodogram ordinates are exponentially distributed about the level: a gamma regression with a logarithmic link, whose
+    At the knee of a filtered noise a mean, or a straight power law, is 15 to 25 % off in variance. Periodogram ordinates are exponentially distributed about the level: a gamma regression with a logarithmic link, whose
     Fisher scoring is ordinary least squares of the working response.
     """
     mean = float(power.mean())
     if frequency[-1] < _FAR * max(frequency[0], 1e-300) or not mean > 0:
         return mean
     x = np.log(frequency / at)
-    A = np.column_stack([np.ones(x.size), x])
+    A = np.column_stack([np.ones(x.size), x, x**2])
     solve = np.linalg.pinv(A)
-    found = np.array([math.log(mean), 0.0])
+    found = np.array([math.log(mean), 0.0, 0.0])
     for _ in range(_SCORINGS):
         eta = A @ found
         found = solve @ (eta + power * np.exp(-eta) - 1)

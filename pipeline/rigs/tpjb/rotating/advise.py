@@ -33,6 +33,7 @@ _BEYOND, _SHOWS = 1.5, 0.2
 _FOLD_MARGIN = 0.3
 # Standard error over the size at which a number counts as determined; least gain that is worth a line.
 _TOLD, _WORTH = 0.3, 1.02
+_WORTH_A_RUN = 1.1
 _MOST = 5
 _MOST_AT_ONE_LOAD = 2  # further ratios tell the same, and less of it
 # Of a coefficient over its typical size, for the slope of the linear limit, which is found by halving.
@@ -122,7 +123,7 @@ def advise(findings: Findings) -> Advice:
             shrinks = [_shrinkage(own[name], then, slope, sizes) for name, slope in gradients.items() if name in own]
             gain = sum(_gain(s) for s in shrinks)
             worth = [s for s in shrinks if _gain(s) > math.log(_WORTH)]
-            if worth:
+            if worth and max(map(_gain, worth)) > math.log(_WORTH_A_RUN):
                 worth.sort(key=_gain, reverse=True)
                 here.append((gain, _proposal(state, ratio, worth)))
         found += sorted(here, key=lambda entry: -entry[0])[:_MOST_AT_ONE_LOAD]
