@@ -230,8 +230,9 @@ def _noise(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> np.ndarray
 def _level(frequency: np.ndarray, power: np.ndarray, at: float) -> float:
     """Return the level of a periodogram at a frequency: its mean, or a quadratic of logarithms where the bins reach further.
 
-    At the knee of a filtered noise a mean, or a straight power law, is 15 to 25 % off in variance. Periodogram ordinates are exponentially distributed about the level: a gamma regression with a logarithmic link, whose
-    Fisher scoring is ordinary least squares of the working response.
+    At the knee of a filtered noise a mean, or a straight power law, is 15 to 25 % off in variance. Periodogram ordinates are
+    exponentially distributed about the level: a gamma regression with a logarithmic link, whose Fisher scoring is ordinary
+    least squares of the working response.
     """
     mean = float(power.mean())
     if frequency[-1] < _FAR * max(frequency[0], 1e-300) or not mean > 0:
