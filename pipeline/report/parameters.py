@@ -10,6 +10,7 @@ import re
 import statistics
 from collections import Counter
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from markupsafe import Markup
 
@@ -103,21 +104,18 @@ def _without_run(parameter: Parameter) -> dict[str, float | str | bool]:
 
 def key_table(findings: Findings, experiment: Experiment) -> TableView:
     """Return the table of the numbers that matter."""
-    rows: list[tuple[Shown, Reading | None, str]] = []
-    shown: list[tuple[Parameter, ReadingUnit] | None] = []
+    rows: list[_Row] = []
     for parameters in key_parameters(findings, experiment):
         if len(parameters) > _MOST_KEY_ROWS:
             rows.append(_range_row(parameters, experiment))
-            shown.append(None)
             continue
         unit = common_unit(parameters, experiment)
         for parameter in parameters:
             place = place_of(parameter, experiment)
             about = _meaning(parameter, experiment)
             what = Shown(symbol_of(parameter) + (f" at {place}" if place else ""), about)
-            rows.append((what, _reading(parameter, unit), unit.name))
-            shown.append((parameter, unit))
-    return _list_view("key", "The numbers that matter", rows, _parts(shown))
+            rows.append(_Row(what, _reading(parameter, unit), unit.name, _parts(parameter, unit)))
+    return _list_view("key", "The numbers that matter", rows)
 
 
 def parameter_tables(findings: Findings, experiment: Experiment) -> list[TableView]:
@@ -202,15 +200,24 @@ def _reason(parameter: Parameter, declared: str) -> str:
     return _SAID_ALREADY.sub("", reason)
 
 
-def _range_row(parameters: Sequence[Parameter], experiment: Experiment) -> tuple[Shown, Reading | None, str]:
+class _Row(NamedTuple):
+    """A line of a list of parameters: `parts` tells what its standard error consists of."""
+
+    what: Shown
+    found: Reading | None
+    unit: str
+    parts: str = ""
+
+
+def _range_row(parameters: Sequence[Parameter], experiment: Experiment) -> _Row:
     unit = common_unit(parameters, experiment)
     known = [parameter for parameter in parameters if parameter.value is not None]
     if not known:
-        return Shown(symbol_of(parameters[0]), _meaning(parameters[0], experiment)), None, unit.name
+        return _Row(Shown(symbol_of(parameters[0]), _meaning(parameters[0], experiment)), None, unit.name)
     values = [unit.read(parameter.value or 0.0) for parameter in known]
     median = f"median {plain(statistics.median(values))}; " if len(known) > MOST_ROWS else ""
     about = f"{_meaning(known[0], experiment)}; {median}range over {len(known)} operating points, see All parameters"
-    return (
+    return _Row(
         Shown(symbol_of(known[0]), about),
         Reading(f"{plain(min(values), 3)} … {plain(max(values), 3)}"),
         unit.name,
@@ -220,15 +227,16 @@ def _range_row(parameters: Sequence[Parameter], experiment: Experiment) -> tuple
 def _list_view(
     name: str,
     title: str,
-    rows: Sequence[tuple[Shown, Reading | None, str]],
+    rows: Sequence[_Row],
     more: Sequence[tuple[Head, list[str]]] = (),
 ) -> TableView:
     """Lay out parameters one below the other, each in its own unit."""
-    values = aligned_readings([found for _, found, _ in rows])
+    values = aligned_readings([row.found for row in rows])
     lines = []
-    for number, ((what, found, unit), value) in enumerate(zip(rows, values, strict=True)):
-        shown = Shown(value, found.interval, "number") if found else Shown(_UNDETERMINED, kind="number missing")
-        lines.append([what, shown, Shown(unit), *(Shown(texts[number]) for _, texts in more)])
+    for number, (row, value) in enumerate(zip(rows, values, strict=True)):
+        below = "; ".join(filter(None, (row.found.interval, row.parts))) if row.found else ""
+        shown = Shown(value, below, "number") if row.found else Shown(_UNDETERMINED, kind="number missing")
+        lines.append([row.what, shown, Shown(row.unit), *(Shown(texts[number]) for _, texts in more)])
     heads = [Head("Quantity"), Head("Value ± standard error", "95 % interval", True), Head("Unit")]
     heads += [head for head, _ in more]
     return TableView(name, title, "", heads, lines)
@@ -239,10 +247,9 @@ def _constant_view(parameters: Sequence[Parameter], experiment: Experiment) -> T
     for parameter in parameters:
         unit = common_unit([parameter], experiment)
         name = Markup(" <code>{}</code>").format(clean(parameter.name)) if parameter.symbol else ""
-        rows.append((Shown(symbol_of(parameter) + name, _meaning(parameter, experiment)), _reading(parameter, unit),
-                     unit.name))  # fmt: skip
+        what = Shown(symbol_of(parameter) + name, _meaning(parameter, experiment))
+        rows.append(_Row(what, _reading(parameter, unit), unit.name, _parts(parameter, unit)))
     more = [
-        *_parts([(p, common_unit([p], experiment)) for p in parameters]),
         (Head("Source"), [clean(p.source) for p in parameters]),
         (Head("Method"), [clean(p.method) for p in parameters]),
     ]
@@ -250,17 +257,12 @@ def _constant_view(parameters: Sequence[Parameter], experiment: Experiment) -> T
     return _list_view("parameters", "Parameters with one value for the campaign", rows, more)
 
 
-def _parts(shown: Sequence[tuple[Parameter, ReadingUnit] | None]) -> list[tuple[Head, list[str]]]:
-    """Return the column that splits standard errors into scatter (A) and calibration (B), if any of them holds both."""
-    texts = []
-    for one in shown:
-        parameter, unit = one or (None, None)
-        if parameter is None or unit is None or parameter.type_b is None:
-            texts.append("")
-            continue
-        parts = (plain((part or 0.0) / unit.size, 2) for part in (type_a(parameter), parameter.type_b))
-        texts.append("A {}, B {}".format(*parts))
-    return [(Head("Of it: scatter A, calibration B"), texts)] if any(texts) else []
+def _parts(parameter: Parameter, unit: ReadingUnit) -> str:
+    """Return what of a standard error is scatter (A) and what calibration (B); '' where it is not told apart."""
+    if parameter.type_b is None:
+        return ""
+    scatter, calibration = (plain((part or 0.0) / unit.size, 2) for part in (type_a(parameter), parameter.type_b))
+    return f"scatter {scatter}, calibration {calibration}"
 
 
 def _varying_view(parameters: Sequence[Parameter], experiment: Experiment) -> TableView:

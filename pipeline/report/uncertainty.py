@@ -65,7 +65,7 @@ def budget_table(findings: Findings) -> TableView | None:
             Markup("<code>{}</code>").format(clean(p.name)), clean(place_of(p)), _share(p.std_error, size), _share(type_a(p), size),
             _share(p.type_b, size), _ruling(by_place.get((p.name, place_of(p)), ()), p),
         ])  # fmt: skip
-    columns = [Column("Parameter"), Column("At"), Column("standard error", "%"), Column("type A", "%"), Column("type B", "%"),
+    columns = [Column("Parameter"), Column("At"), Column("standard error (%)"), Column("type A (%)"), Column("type B (%)"),
                Column("Type B mostly from")]  # fmt: skip
     kept = [place for place, column in enumerate(columns) if any(row[place] not in (None, "") for row in rows)]
     caption = "In per cent of the value. Type A is the scatter of the data; type B is what calibrations leave open."
@@ -80,8 +80,8 @@ def budget_table(findings: Findings) -> TableView | None:
     )
 
 
-def _share(part: float | None, size: float) -> float | None:
-    return None if part is None or not math.isfinite(part / size) else part / size
+def _share(part: float | None, size: float) -> str:
+    return "" if part is None or not math.isfinite(part / size) else plain(100 * part / size, 2)
 
 
 def _effects(findings: Findings) -> Mapping[tuple[str, str], Sequence[tuple[str, float]]]:
