@@ -10,6 +10,7 @@ import re
 import statistics
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from markupsafe import Markup
@@ -234,9 +235,9 @@ def _list_view(
     values = aligned_readings([row.found for row in rows])
     lines = []
     for number, (row, value) in enumerate(zip(rows, values, strict=True)):
-        below = "; ".join(filter(None, (row.found.interval, row.parts))) if row.found else ""
-        shown = Shown(value, below, "number") if row.found else Shown(_UNDETERMINED, kind="number missing")
-        lines.append([row.what, shown, Shown(row.unit), *(Shown(texts[number]) for _, texts in more)])
+        what = replace(row.what, below="; ".join(filter(None, (row.what.below, row.parts))))
+        shown = Shown(value, row.found.interval, "number") if row.found else Shown(_UNDETERMINED, kind="number missing")
+        lines.append([what, shown, Shown(row.unit), *(Shown(texts[number]) for _, texts in more)])
     heads = [Head("Quantity"), Head("Value ± standard error", "95 % interval", True), Head("Unit")]
     heads += [head for head, _ in more]
     return TableView(name, title, "", heads, lines)
@@ -262,7 +263,7 @@ def _parts(parameter: Parameter, unit: ReadingUnit) -> str:
     if parameter.type_b is None:
         return ""
     scatter, calibration = (plain((part or 0.0) / unit.size, 2) for part in (type_a(parameter), parameter.type_b))
-    return f"scatter {scatter}, calibration {calibration}"
+    return f"standard error: scatter {scatter}, calibration {calibration} {unit.name}".rstrip()
 
 
 def _varying_view(parameters: Sequence[Parameter], experiment: Experiment) -> TableView:
