@@ -2,6 +2,7 @@
 # make test      set up, check style and types, run the tests
 # make test-thorough  the same with the tests that take seconds each
 # make benchmark set up, print the ratios of docs/performance.md
+# make coverage-study  do the intervals hold the truth? hours; writes the tables of docs/uncertainty.md
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -46,7 +47,7 @@ benchmark: setup
 	$(BIN)/python -m benchmarks
 
 coverage-study: setup
-	for study in benchmarks/coverage_*.py; do $(BIN)/python -m benchmarks.$$(basename $$study .py) || exit 1; done
+	$(BIN)/python -m benchmarks.coverage --write
 
 clean:
 	rm -rf $(VENV) recordings reports datasets/*/synthetic datasets/*/fetched datasets/*/.fetched*
