@@ -103,6 +103,9 @@ def judge(
             lost |= {member: lost.get(member) or f"{said}(+-{100 * share:.2g} %) is" for member in members}
     if "tau" in lost:
         lost |= {name: lost[name] or f"{name} {_NEEDS_TAU}" for name in ("k1", "k2")}
+    if "k2" in lost and "k1" not in lost:
+        # Told beside k1, their sum would tell k2: the local error misses what alpha_bw and rho can make up for.
+        sums[0] = undetermined("k1_plus_k2", "k1 + k2 is not determined: k1 is, but k2 is not")
     reasons = {name: said or f"{name} is not determined: {_percent(relative[name])}" for name, said in lost.items()}
     statements = tuple(f"{said}." for said in dict.fromkeys(reasons.values())) or found[2]
     return Determination(found[0], reasons, tuple(sums), statements)
