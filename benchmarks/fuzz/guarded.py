@@ -55,7 +55,7 @@ class Guard:
             self._refuse(event, arguments[_WRITES[event]])
 
     def _refuse(self, event: str, path: Any) -> None:
-        place = os.path.realpath(os.path.join(os.getcwd(), os.fsdecode(path)))  # noqa: PTH118, PTH109
+        place = str((Path.cwd() / os.fsdecode(path)).resolve())
         if not place.startswith(self.folder) and "__pycache__" not in place and place != os.devnull:
             raise OutsideError(f"{event} {place}")
 

@@ -175,7 +175,7 @@ def _manifest(data: bytes, folder: Path) -> None:
     (made / ingested.MANIFEST).write_bytes(data)
     try:
         for recording in ingested.load(made).recordings():
-            recording.names  # noqa: B018  reads the file
+            list(recording)
     except InputError:
         pass
     runs = logs.runs_of(logs.of_folder(_campaigns() / "logs"))[:1]

@@ -10,19 +10,11 @@ from bench_campaigns import findings, identified
 
 from pipeline.findings import Findings
 from pipeline.rigs.tire.bench.advise import advise
+from pipeline.rigs.tire.bench.ring_model import NAMES
 from pipeline.rigs.tire.synthetic.rig import synthesize_bench
 
 RUNS = ("load_1000", "load_2000", "load_3000", "speed_20")
-SHARED = (
-    "bending_stiffness",
-    "belt_width",
-    "foundation_radial",
-    "foundation_tangential",
-    "tread_stiffness",
-    "sensor_gain",
-    "loss_factor",
-    "sensor_lag",
-)
+SHARED = NAMES[:8]
 
 
 @cache

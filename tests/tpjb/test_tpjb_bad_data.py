@@ -314,7 +314,10 @@ def test_baseline_5_a_tone_missing() -> None:
     def silent(recording: Recording) -> Recording:
         (stream,) = recording.streams.values()
         turning = np.exp(2j * np.pi * 27 * stream.time)
-        quiet = lambda x: x - (2 * np.mean(x * turning.conj()) * turning).real  # noqa: E731
+
+        def quiet(x: np.ndarray) -> np.ndarray:
+            return x - (2 * np.mean(x * turning.conj()) * turning).real
+
         return with_channels(recording, **dict.fromkeys(("force_u", "force_v", *ACC), quiet))
 
     findings = baseline(silent)

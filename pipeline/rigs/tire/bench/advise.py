@@ -32,15 +32,8 @@ _MOST_LOAD, _MOST_SPEED = 6000.0, 14.0
 _WORTH = 0.03
 _FEWEST_LOADS, _FEWEST_SPEEDS = 3, 2
 _APART = 1.1
-_SCALE = (
-    "bending_stiffness",
-    "belt_width",
-    "foundation_radial",
-    "foundation_tangential",
-    "tread_stiffness",
-    "sensor_gain",
-)
-_LOPSIDED = ("loss_factor", "sensor_lag")
+# Shared unknowns that the scale of the load moves together, and those that only a second speed parts.
+_SCALE, _LOPSIDED = NAMES[:6], NAMES[6:8]
 _DETERMINED = 0.25
 
 
