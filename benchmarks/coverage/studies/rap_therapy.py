@@ -5,9 +5,11 @@ truth there; in "statistics" only the dirt is drawn anew, and their mean over th
 takes 2.5 h instead of 312 min and the second unit's pressures are left out, for the time that it costs.
 
 The rms error of the volume comes out too wide: the scale's clock is hardly told while the tank is too empty to show a start,
-and its error then holds half a minute of a clock, which does not scatter between these campaigns. Moments of alarms and
-mismatches are those at which a rule of the sheet is met, to the second on which it looks: they have no other truth, and the
-tests hold them against the moment of the fault.
+and its error then holds half a minute of a clock, which does not scatter between these campaigns. So does the gain of the
+ultrafiltrate pump: one run of a few hours hardly tells how far and how slowly a gain wanders, so its error averages over what
+is plausible (memories from 10 min to 4 h), while each pump here wanders by 1 % within an hour as the sheet's does. Moments of
+alarms and mismatches are those at which a rule of the sheet is met, to the second on which it looks: they have no other truth,
+and the tests hold them against the moment of the fault.
 """
 
 from __future__ import annotations
