@@ -95,6 +95,8 @@ def as_given(paths: Sequence[Path]) -> list[Path]:
     for path in paths:
         if path.is_dir():
             raise InputError(f"{path}: is a folder; name the log files in it, for example {path}/*.csv.")
+        if path.is_symlink() and not path.exists():
+            raise InputError(f"{path}: is a link that leads nowhere; mend the link or name the log itself.")
         if not path.exists():
             raise InputError(f"{path}: there is no such file; check the name and the folder.")
         if not path.is_file():

@@ -22,7 +22,7 @@ from pipeline.campaign.recipe_faults import first_fault
 from pipeline.errors import InputError, listing, nearest
 from pipeline.ingest.mapping import ChannelMap
 from pipeline.recording import Condition
-from pipeline.recording.units import conversion, quantity
+from pipeline.recording.units import conversion, number_and_unit, quantity
 from pipeline.rigs.calibration import Calibration
 from pipeline.rigs.experiment import Experiment, Settings
 from pipeline.rigs.registry import experiment as find_experiment
@@ -277,12 +277,7 @@ def _calibration(name: str, entry: ChannelEntry, experiment: Experiment, where: 
 def _offset_u(entry: ChannelEntry, unit: str, where: str) -> float:
     if entry.offset_u is None:
         return 0.0
-    text = str(entry.offset_u)
-    number, _, own = text.strip().partition(" ")
-    try:
-        value = float(number.replace(",", "."))
-    except ValueError:
-        value = math.nan
+    value, own = number_and_unit(str(entry.offset_u)) or (math.nan, "")
     if isinstance(entry.offset_u, bool) or not 0 <= value < math.inf or (not own and unit != "1" and value):
         raise InputError(
             f"{where}: offset_u is the standard uncertainty of the channel's offset, a number of 0 or more with its unit, as "

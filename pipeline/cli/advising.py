@@ -12,7 +12,7 @@ from pipeline.cli.saying import say
 from pipeline.errors import InputError, listing
 from pipeline.report.advice import made_with, name_of, shared_place, shrunk, told
 from pipeline.report.words import clean
-from pipeline.rigs.advice import Advice
+from pipeline.rigs.advice import Advice, advice_with_caveat
 from pipeline.rigs.experiment import Experiment
 from pipeline.rigs.registry import all_experiments
 from pipeline.rigs.registry import experiment as find_experiment
@@ -28,7 +28,7 @@ def advise(campaign: str, as_json: bool) -> None:
         able = [one.id for one in all_experiments().values() if one.advise is not None]
         said = f" Its report says what it lacks: {' '.join(findings.advice)}" if findings.advice else ""
         raise InputError(f"{experiment.id} proposes no runs; {listing(able)} can.{said}")
-    advice = experiment.advise(findings)
+    advice = advice_with_caveat(experiment.advise, findings)
     if as_json:
         say(json.dumps(asdict(advice), indent=1, ensure_ascii=False))
         return

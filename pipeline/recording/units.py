@@ -275,6 +275,12 @@ def is_unit(text: str) -> bool:
 _QUANTITY = re.compile(r"^\s*([-+−]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 
 
+def number_and_unit(text: str) -> tuple[float, str] | None:
+    """Part ``"0,4 mm"`` or ``"2N"`` into its number and the text of its unit ('' where there is none); None where it is neither."""
+    match = _QUANTITY.match(text)
+    return (float(match[1].replace(",", ".").replace("−", "-")), match[2]) if match else None
+
+
 def quantity(text: str | float, si_unit: str | None = None, where: str = "value") -> float:
     """Turn ``"52 kN"``, ``"0,4 mm"`` or a bare number (taken as SI) into an SI number.
 
@@ -285,10 +291,8 @@ def quantity(text: str | float, si_unit: str | None = None, where: str = "value"
     """
     if isinstance(text, int | float):
         return float(text)
-    match = _QUANTITY.match(text)
-    if not match:
+    parted = number_and_unit(text)
+    if parted is None:
         raise InputError(f"{where}: '{text}' is not a number with a unit; write for example '6 A' or 0.4e-3.")
-    value = float(match[1].replace(",", ".").replace("−", "-"))
-    if not match[2]:
-        return value
-    return conversion(match[2], si_unit, where)(value)
+    value, unit = parted
+    return conversion(unit, si_unit, where)(value) if unit else value

@@ -12,7 +12,7 @@ from pipeline.report.parameters import condition_text, unit_of_condition
 from pipeline.report.reading_units import reading_unit
 from pipeline.report.table import TableView, table_view
 from pipeline.report.words import clean
-from pipeline.rigs.advice import Proposal, Shrinkage
+from pipeline.rigs.advice import Proposal, Shrinkage, caveat
 from pipeline.rigs.experiment import Experiment
 
 _WORTH_TELLING = 1.05  # times smaller
@@ -68,7 +68,7 @@ def proposals_table(findings: Findings, experiment: Experiment) -> TableView | N
     rows: list[list[Cell]] = [[made_with(p, experiment), clean(p.why), _errors(told(p), experiment)] for p in proposals]
     caption = (
         "From the Fisher information of the fitted model: what tells most of all parameters together comes first. "
-        f"More with: rigfit advise {clean(findings.campaign)}."
+        f"{caveat(findings)} More with: rigfit advise {clean(findings.campaign)}."
     )
     columns = [Column("Run to add"), Column("Why"), Column("Standard errors, now → then")]
     return table_view(Table("proposals", "Runs that would tell most", caption, columns, rows)) if rows else None

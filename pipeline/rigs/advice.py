@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pipeline.findings import Findings
 
 
 @dataclass(frozen=True)
@@ -53,3 +57,17 @@ class Advice:
 
     proposals: Sequence[Proposal] = ()
     remarks: Sequence[str] = field(default_factory=tuple)
+
+
+def caveat(findings: Findings) -> str:
+    """Return what a forecast from so few runs cannot know, whatever the experiment; '' where there are several."""
+    if sum(run.used for run in findings.runs) != 1:
+        return ""
+    return "Reckoned from a single run: what changes from run to run is not known, so the forecast is a best case. Repeat that run first."
+
+
+def advice_with_caveat(advise: Callable[[Findings], Advice], findings: Findings) -> Advice:
+    """Return an experiment's advice, with what no experiment can know added to its remarks."""
+    advice = advise(findings)
+    said = caveat(findings) if advice.proposals else ""
+    return replace(advice, remarks=(*advice.remarks, said)) if said else advice

@@ -76,3 +76,7 @@ def test_paths_on_the_command_line_must_be_files(tmp_path: Path) -> None:
         logs.as_given([tmp_path / "missing.csv"])
     with pytest.raises(InputError, match="is a folder; name the log files in it"):
         logs.as_given([tmp_path])
+    (tmp_path / "there.csv").symlink_to(tmp_path / "back.csv")
+    (tmp_path / "back.csv").symlink_to(tmp_path / "there.csv")
+    with pytest.raises(InputError, match="a link that leads nowhere"):
+        logs.as_given([tmp_path / "there.csv"])

@@ -190,7 +190,7 @@ def test_calibrations_are_read_in_si(tmp_path: Path) -> None:
             tmp_path,
             "experiment: spring.pull\nchannels:\n"
             "  force: {gain_u: 0.5 %, offset_u: 0.002 kN}\n"
-            "  extension: {channel: Weg, gain_u: 0.01, offset_u: 3 um}\n",
+            "  extension: {channel: Weg, gain_u: 0.01, offset_u: 3um}\n",
         )
     )
     assert recipe.calibration["force"].gain_u == pytest.approx(0.005)
