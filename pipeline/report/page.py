@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
+from collections.abc import Sequence
 from functools import cache
+from hashlib import sha256
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -59,9 +62,19 @@ def render_report(findings: Findings, experiment: Experiment, title: str, comman
     )
 
 
-def page(template: str, **content: Any) -> str:
-    """Render a template with the style sheet of all pages."""
-    return _environment().get_template(template).render(style=_style(), **content)
+def page(template: str, scripts: Sequence[str] = (), **content: Any) -> str:
+    """Render a template with the style sheet of all pages, and `scripts` inlined; the page runs no other ones."""
+    allowed = " ".join(f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts)
+    return (
+        _environment()
+        .get_template(template)
+        .render(
+            style=_style(),
+            scripts=[Markup(script) for script in scripts],
+            script_source=Markup(allowed or "'none'"),
+            **content,
+        )
+    )
 
 
 @cache
