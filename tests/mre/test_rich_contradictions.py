@@ -72,6 +72,38 @@ def test_a_curve_that_the_model_does_not_hold_is_named_and_the_intervals_hold_th
             assert p.ci95[0] - 0.25 * wide < truth[p.name] < p.ci95[1] + 0.25 * wide, p
 
 
+def _coloured(t: np.ndarray, size: float, memory: float) -> np.ndarray:
+    """Return noise of first order, shape of `t`."""
+    from scipy.signal import lfilter
+
+    kept = float(np.exp(-np.median(np.diff(t)) / memory))
+    white = np.random.default_rng(1).standard_normal(t.size)
+    return size * np.sqrt(1 - kept**2) * np.asarray(lfilter([1.0], [1.0, -kept], white))
+
+
+@pytest.mark.parametrize(("size", "memory"), [(0.7, 0.01), (2.0, 0.01), (1.0, 0.1)])
+def test_noise_of_the_force_is_no_missing_part_of_the_model_whatever_its_colour(size: float, memory: float) -> None:
+    findings = identify(changed(rich(), "force", lambda t, v: v + _coloured(t, size, memory)), online=False)
+    assert not doubted(findings, "not in the model")
+    assert_numbers_hold(findings)
+
+
+MISSING: list[tuple[Callable[[np.ndarray], Change], str]] = [
+    (lambda x: lambda t, v: v + 2.0 * (x / 6e-4) ** 2, "hangs together with the motion"),
+    (lambda _: lambda t, v: v + np.sin(2 * np.pi * 0.11 * t), "wanders in the course"),
+]
+
+
+@pytest.mark.parametrize(("part", "words"), MISSING)
+def test_a_part_that_the_model_lacks_is_told_though_it_is_no_larger_than_the_noise(
+    part: Callable[[np.ndarray], Change], words: str
+) -> None:
+    log = changed(rich(), "force", lambda t, v: v + _coloured(t, 0.7, 0.01))
+    x = samples(rich())[1]
+    findings = identify(changed(log, "force", part(x - x.mean())), online=False)
+    assert doubted(findings, "not in the model", words)
+
+
 @pytest.mark.parametrize(
     "change", [lambda t, v: v * (1 - 0.03 * t / t[-1]), lambda t, v: v * np.where(t > 2 * t[-1] / 3, 1.01, 1.0)]
 )

@@ -23,6 +23,7 @@ from pipeline.rigs.mre.model.fit_estimates import estimates_of, impossible
 from pipeline.rigs.mre.model.time_columns import Record, largest_excursion, livelier_part, segments_of
 from pipeline.rigs.mre.model.time_evidence import Evidence, changing_gain, curves, stepping_zero, viscous
 from pipeline.rigs.mre.model.time_model import TimeModel, TimeOptions
+from pipeline.rigs.mre.model.time_residue import Residue, of_drift, of_motion
 
 __all__ = ["Record", "TimeFit", "TimeOptions", "fit_records"]
 
@@ -61,6 +62,8 @@ class TimeFit:
         What cubics of the sensors and of the pad would find in the residual, by what would be curved.
     viscous, zero_step
         What a dashpot would find (N s/m), and when (s) and by how much (N) the force's zero would step.
+    with_motion, with_time
+        What of the residual hangs together with the motion, and what wanders with time alone.
     inertia
         Mass (kg) that one further step of the fit would find in the residual, and its standard error.
     series
@@ -95,6 +98,8 @@ class TimeFit:
     curves: Mapping[str, Evidence]
     viscous: Evidence
     zero_step: tuple[float, Evidence]
+    with_motion: Residue
+    with_time: Residue
     inertia: tuple[float, float]
     series: Mapping[str, Mapping[str, np.ndarray]]
 
@@ -254,6 +259,8 @@ def _finished(
         curves=curves(model, fit),
         viscous=viscous(model, fit),
         zero_step=stepping_zero(model, fit),
+        with_motion=of_motion(model, fit),
+        with_time=of_drift(model, fit),
         inertia=_inertia(model, fit, fraction),
         series={run: _series(model, fit, run, run_of_row) for run in runs},
     )

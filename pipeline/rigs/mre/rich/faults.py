@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.errors import listing
 from pipeline.recording import Recording
 from pipeline.rigs.mre.rich.fits import DASHPOT_SURE, RichFit
-from pipeline.rigs.mre.rich.noise import expected_residual, white
+from pipeline.rigs.mre.rich.noise import white
 from pipeline.rigs.mre.rich.online_verdict import CONVERGED
 from pipeline.rigs.mre.rich.unmodelled import causes, curved
 from pipeline.rigs.mre.shear.check import MODULUS_RANGE
@@ -21,8 +21,9 @@ from pipeline.rigs.mre.shear.samples import number_of
 from pipeline.rigs.mre.shear.sorted_runs import SortedRuns
 from pipeline.rigs.mre.shear.unsteady import say_faults_of_records
 
-# The residual against what white noise leaves of it, and the share of the force, from which on the model misses something.
-_MISSES, _MISSES_SHARE = 1.3, 0.002
+# By which chance noise may hang together with the motion, and the share of the force, from which on the model misses something.
+_MISSES_CHANCE, _MISSES_SHARE = 1e-4, 0.001
+_UNNAMED = 1.5  # times what a cause that is named explains, rms, from which on there is more
 _LARGE_NOISE = 0.1
 _STEP_SURE, _STEP_SHARE = 6.0, 0.1  # standard errors, and share of the squared residual, of a step of the zero
 # Amplitudes beyond which a unit is doubted that nothing else tells of: N, m.
@@ -193,20 +194,29 @@ def _curved(runs: SortedRuns, fit: RichFit) -> str:
 
 
 def _residual(runs: SortedRuns, fit: RichFit) -> str:
-    """Doubt a model that leaves more than the force's noise, and say where noise drowns the force."""
+    """Doubt a model that leaves what hangs together with the motion or drifts, and say where noise drowns the force."""
     F = fit.usable.series.F
-    noise, expected = white(F), expected_residual(fit)
-    left, nrmse = fit.batch.rms_residual, fit.batch.nrmse
-    if left > _MISSES * expected and nrmse > _MISSES_SHARE:
+    noise, force = white(F), float(np.std(F))
+    found = {
+        "hangs together with the motion": fit.batch.with_motion,
+        "wanders in the course of the record": fit.batch.with_time,
+    }
+    named = [e.share for e in (*causes(fit.batch).values(), fit.batch.zero_step[1]) if e.times_error > _STEP_SURE]
+    least = max(_MISSES_SHARE * force, _UNNAMED * max(named, default=0.0) ** 0.5 * fit.batch.rms_residual)
+    seen = {how: part for how, part in found.items() if part.p_value < _MISSES_CHANCE and part.rms > least}
+    if seen and not fit.linear:
+        how = max(seen, key=lambda name: seen[name].rms)
+        part = seen[how]
         return (
-            f"The model leaves {left:.3g} N of run {fit.run}, {left / max(expected, 1e-12):.2g} times what the noise between samples lets "
-            f"expect, and {100 * nrmse:.2g} % of the force: something in the record is not in the model. Intervals allow for its colour only."
+            f"Of the {fit.batch.rms_residual:.3g} N that the model leaves of run {fit.run}, {part.rms:.2g} N (rms; {100 * part.rms / force:.2g} % of "
+            f"the force) {how}, as noise of no colour does (p {part.p_value:.1g}): something in the record is not in the model. "
+            "Intervals do not allow for what it shifts."
         )
-    if noise > _LARGE_NOISE * float(np.std(F)):
+    if noise > _LARGE_NOISE * force:
         runs.say(
             "warning",
             fit.run,
-            f"the force's noise of {noise:.3g} N is {100 * noise / float(np.std(F)):.2g} % of the force; mend cable or range.",
+            f"the force's noise of {noise:.3g} N is {100 * noise / force:.2g} % of the force; mend cable or range.",
             "force",
         )
     return ""
