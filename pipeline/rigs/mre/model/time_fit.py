@@ -15,12 +15,13 @@ from pipeline.errors import InputError
 from pipeline.estimation.estimate import Estimate
 from pipeline.estimation.selection import Candidate
 from pipeline.estimation.separable import SeparableFit, fit_separable, linear_fit, multi_start
-from pipeline.estimation.uncertainty import Covariance, clustered, effective_size, newey_west
+from pipeline.estimation.uncertainty import effective_size
 from pipeline.rigs.mre.model.determination import judge
 from pipeline.rigs.mre.model.dynamic_model import SCALE, SHAPE_NAMES, bounds_reached, spread_starts
 from pipeline.rigs.mre.model.fit_errors import PHYSICAL_BOUNDS, Errors, Key
 from pipeline.rigs.mre.model.fit_estimates import estimates_of, impossible
 from pipeline.rigs.mre.model.time_columns import Record, largest_excursion, livelier_part, segments_of
+from pipeline.rigs.mre.model.time_errors import coloured
 from pipeline.rigs.mre.model.time_evidence import Evidence, changing_gain, curves, stepping_zero, viscous
 from pipeline.rigs.mre.model.time_model import TimeModel, TimeOptions
 from pipeline.rigs.mre.model.time_residue import Residue, of_drift, of_motion
@@ -31,7 +32,6 @@ _SEARCH_ROWS = 6000  # rows of the livelier part on which the starts are tried
 # Where the best start misses this share of the force on the livelier part, no search over the whole record makes
 # a description of it: a rough one shows by how much it fails.
 _HOPELESS, _ROUGH, _FEW = 0.3, 1e-3, 4
-_STRETCHES = 60  # of a record, whose scatter is held against its coloured noise
 _NOISE_PERIODS = 2.5  # of the low-pass on x: so long its noise, times the stiffness, is correlated in the residual
 _EVALUATIONS = 60  # of a start; those that get anywhere take a dozen
 
@@ -159,23 +159,6 @@ def _fit(model: TimeModel, q0: np.ndarray, tolerance: float, evaluations: int) -
     )
 
 
-def _coloured(jacobian: np.ndarray, residual: np.ndarray, memory: int) -> Covariance:
-    """Return the covariance by Newey and West, no parameter surer than stretches of the record scatter.
-
-    Noise of the displacement goes through w, which remembers it over cycles and amplitudes: a tenth more than its
-    autocorrelation tells.
-    """
-    found = newey_west(jacobian, residual, memory)
-    if residual.size < _STRETCHES * memory:
-        return found
-    groups = np.arange(residual.size) * _STRETCHES // residual.size
-    try:
-        wider = np.maximum(clustered(jacobian, residual, groups).std_error / found.std_error, 1.0)
-    except (ValueError, np.linalg.LinAlgError):
-        return found
-    return Covariance(found.matrix * np.outer(wider, wider), min(found.dof, _STRETCHES - 1.0), found.method)
-
-
 def _memory(model: TimeModel) -> int:
     """Return over how many rows the noise of the low-passed displacement hangs together."""
     return max(
@@ -221,8 +204,8 @@ def _finished(
     effective = effective_size(fit.residual, nuisance.shape[1])
     fraction = effective / fit.residual.size
     variance = fit.chi2 / max(fit.dof, 1)
-    coloured = _coloured(natural, fit.residual, _memory(model))
-    errors = Errors(coloured.matrix, np.zeros((len(keys), 0)), 0.0, coloured.dof)
+    found = coloured(natural, fit.residual, _memory(model))
+    errors = Errors(found.matrix, np.zeros((len(keys), 0)), 0.0, found.dof)
     bounds = _bounds_reached(model, fit)
     verdict = judge(keys, values, natural, variance / fraction, errors, bounds)
     sd = np.sqrt(np.diag(errors.covariance))
