@@ -27,7 +27,8 @@ from pipeline.rigs.gearbox.outcome.verdict_many import by_kind, over_campaign
 from pipeline.rigs.gearbox.record import record_of
 from pipeline.rigs.gearbox.run_numbers import numbers_of
 from pipeline.rigs.gearbox.synthetic import synthesize
-from pipeline.rigs.gearbox.torques.torque_map import Transfer, pooled, total_least_squares
+from pipeline.rigs.gearbox.torques.pooled_map import pooled
+from pipeline.rigs.gearbox.torques.torque_map import Transfer, total_least_squares
 from pipeline.rigs.gearbox.truth import gearbox_truth
 from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.number_over_runs import over_runs

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from gearbox_known import A, known
 
+from pipeline.rigs.gearbox.torques.pooled_map import pooled
 from pipeline.rigs.gearbox.torques.torque_map import (
     Transfer,
     brake_transfer,
-    pooled,
     startup_transfer,
     steady_transfer,
     straight_line,

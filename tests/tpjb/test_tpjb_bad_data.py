@@ -23,7 +23,9 @@ from pipeline.findings import Findings
 from pipeline.recording import Channel, Recording, Stream
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.tpjb.baseline.declaration import BASELINE, BaselineSettings
+from pipeline.rigs.tpjb.bump.contact import centred
 from pipeline.rigs.tpjb.bump.declaration import BUMP, BumpSettings
+from pipeline.rigs.tpjb.bump.synthetic import bump_truth, planes_of
 
 Make = Callable[[], list[Recording]]
 _SIGMA = 3.5
@@ -51,6 +53,13 @@ def drifting(recording: Recording, moved_by: Callable[[np.ndarray], np.ndarray])
     time = recording.streams["lf"].time
     up = {gap: lambda x, s=1 if gap[5] == "p" else -1: x + s * moved_by(time) for gap in GAPS if gap[4] == "v"}
     return changed(recording, **up)
+
+
+def broken_off(recording: Recording, end: float) -> Recording:
+    stream = recording.streams["lf"]
+    kept = stream.time < end
+    channels = {name: replace(c, values=c.values[kept]) for name, c in stream.channels.items()}
+    return replace(recording, streams={"lf": Stream("lf", stream.time[kept], channels)})
 
 
 def uneven(recording: Recording) -> Recording:
@@ -106,6 +115,10 @@ ROTATING: dict[str, tuple[Make, str, str, tuple[str, ...], bool]] = {
         lambda: logs("A6", no_dwell=True), "4pad-L2", "warning", ("acts through the mean shift only",), False),
     "14 fewer than three turns": (
         lambda: logs("A6", turns=2.0), "4pad-L2", "warning", ("2.0 turns at full load are fewer than 3",), False),
+    "14 an orbit that does not close": (
+        lambda: logs("A6", turns=0.8), "4pad-L2", "warning", ("0.9 turns at full load are fewer than 3", "harmonics are refused"), False),
+    "14 broken off in the second turn": (
+        lambda: [broken_off(clean(), 270.0)], "4pad-L2", "warning", ("1.7 turns at full load are fewer than 3",), False),
     "14 a rotation that is not uniform": (
         lambda: [uneven(clean())], "4pad-L2", "warning", ("the load does not turn evenly",), False),
     "15 past the fold": (
@@ -248,6 +261,16 @@ def swapped(recording: Recording) -> Recording:
     return replace(recording, streams={stream.name: replace(stream, channels={**stream.channels, **exchanged})})
 
 
+def pads(number: float | None) -> Callable[[Recording], Recording]:
+    """Return a change of what a log states of its pads: their number alone, or nothing."""
+
+    def stated(recording: Recording) -> Recording:
+        kept = {k: v for k, v in recording.conditions.items() if k not in ("n_pads", "pad_angles")}
+        return replace(recording, conditions=kept if number is None else {**kept, "n_pads": number})
+
+    return stated
+
+
 def spinning(recording: Recording) -> Recording:
     (stream,) = recording.streams.values()
     speed = Channel("speed", np.full(stream.size, 104.7), "rad/s")
@@ -263,9 +286,10 @@ BUMPS: dict[str, tuple[Callable[[], Findings], str, tuple[str, ...]]] = {
     "9 a force clipped": (
         bump(lambda r: with_channels(r, force_u=lambda x: np.clip(x, -6e3, 6e3))), "warning", ("force_u",)),
     "16 a side never touched": (bump(missing_side=2), "warning", ("Side 2", "never touched")),
-    "16 a wrong number of pads": (
-        bump(lambda r: replace(r, conditions={k: v for k, v in {**r.conditions, "n_pads": 5.0}.items() if k != "pad_angles"})),
-        "warning", ("n_pads is 5 but the orbit has 4 sides",)),
+    "16 four pads stated as five": (bump(pads(5.0)), "warning", ("n_pads is 5 but the orbit has 4 sides", "4 is used")),
+    "16 five pads stated as four": (
+        bump(pads(4.0), bearing="5pad"), "warning", ("n_pads is 4 but the orbit has 5 sides", "5 is used")),
+    "16 five pads, nothing stated": (bump(pads(None), bearing="5pad"), "ok", ("the orbit shows 5 sides",)),
     "17 the shaft turns": (bump(spinning), "warning", ("the shaft turns at 105 rad/s",)),
 }  # fmt: skip
 
@@ -280,12 +304,14 @@ def test_bump(row: str) -> None:
     findings = identify()
     assert findings.verdict == verdict, said(findings)
     assert all(word in said(findings) for word in words), said(findings)
-    sides = {1.0: 199e-6, 2.0: 203e-6, 3.0: 199e-6, 4.0: 203e-6}
-    centres = {("center_x", 1.0): 12e-6, ("center_y", 1.0): -7e-6, ("center_x", 2.0): 18e-6, ("center_y", 2.0): -3e-6}
+    known = bump_truth({"bearing": "5pad"} if "five pads" in row else {})
+    centres, sides = {}, {}
+    for plane, made in planes_of(known).items():
+        (centres["center_x", plane], centres["center_y", plane]), sides[plane] = centred(made.sides, made.normals)
     others = {
         "contact_stiffness": 1.5e9,
         "support_stiffness": 2e6,
-        "rotation": np.radians(0.8),
+        "rotation": known.rotation,
         "tilt_x": 25e-6,
         "tilt_y": 4e-6 / 0.24,
     }
@@ -293,9 +319,10 @@ def test_bump(row: str) -> None:
     assert bool(told) == (verdict != "rejected")
     for p in told:
         if p.name == "clearance":
-            true = sides[p.at["side"]] if "side" in p.at else 201e-6
+            own = sides[int(p.at["plane"])]
+            true = own[int(p.at["side"]) - 1] if "side" in p.at else own.mean()
         else:
-            true = others.get(p.name) or centres[p.name, p.at["plane"]]
+            true = others.get(p.name) or centres[p.name, int(p.at["plane"])]
         assert abs(p.value - true) < 4.0 * p.std_error, p  # 20 numbers, few degrees of freedom
 
 

@@ -70,6 +70,9 @@ def test_frequency_laws_are_told_apart() -> None:
     assert taken["cxx"] == taken["cyy"] == " degree 1"
     constant = next(m for m in five.models if m.name.startswith("kyy, degree 0"))
     assert (constant.chi2_reduced or 0) > 100
+    # One film makes all of them: where some go with frequency, those whose slope is not seen are read from a line, too.
+    told = [p.description for p in five.find("kxy") + five.find("kyx") + five.find("cxy") + five.find("cyx")]
+    assert any("degree 1 in frequency, where degree 0 would do" in text for text in told)
 
 
 def test_every_load_is_a_point_of_its_own() -> None:

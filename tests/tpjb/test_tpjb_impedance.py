@@ -167,6 +167,28 @@ def test_a_trend_too_small_to_be_seen_does_not_leave_the_interval_without_the_tr
     assert held[1.5] / 400 > 0.9
 
 
+@pytest.mark.parametrize("kind", ["stiffness", "damping"])
+def test_where_others_go_with_frequency_a_trend_too_small_to_be_seen_does_not_leave_the_interval_without_the_truth(
+    kind: str,
+) -> None:
+    rng = np.random.default_rng(2)
+    r, dof = TONES / 16.667 - 1, np.full(8, 18.0)
+    sd = np.ones(8) if kind == "stiffness" else 10.0 / TONES
+    alone = 1.0 / np.sqrt(np.sum(sd**-2))
+    for biased_by in (0.0, 1.5, 3.0):  # standard errors of a constant's intercept
+        slope = biased_by * alone / float(np.sum(r / sd**2) * alone**2)
+        z = []
+        for _ in range(400):
+            told = sd * np.sqrt(rng.chisquare(36, 8) / 36)
+            fitted = [
+                laws.fit_law(r, slope * r + sd * rng.standard_normal(8), told, dof, degree) for degree in range(3)
+            ]
+            (value,), (error,) = laws.for_intercept(laws.choose(fitted) or fitted[-1], fitted, True).at(0.0)
+            z.append(value / error)
+        assert np.mean(np.abs(z) < 2.0) > 0.925
+        assert 0.9 < np.std(z) < 1.1
+
+
 def test_sixteen_right_laws_are_hardly_ever_called_rejected_together() -> None:
     rng = np.random.default_rng(5)
     r, dof, tests, campaigns = np.linspace(-0.6, 1.6, 8), np.full(8, 18.0), 16, 150

@@ -1,8 +1,7 @@
 """Coverage of `tpjb.dynamic`: coefficients at eight tones and at shaft speed, with the stator weighed by a baseline test.
 
 Synchronous damping is told with errors up to a fifth too large where the coefficients do not go with frequency: the error
-allows for slopes that chi-square misses (`laws.choice_error`). Where they do (5pad) and a cross coefficient is hardly known,
-intervals are still too narrow: 26 of 30 campaigns for cxy and cyx. No bound is given.
+allows for slopes that chi-square misses (`laws.choice_error`). No bound is given.
 """
 
 from __future__ import annotations

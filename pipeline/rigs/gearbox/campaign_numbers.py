@@ -24,7 +24,8 @@ from pipeline.rigs.gearbox.load.load_windows import Windows
 from pipeline.rigs.gearbox.many.watched import exceptions, speed_groups, watched_of
 from pipeline.rigs.gearbox.run_numbers import RunNumbers
 from pipeline.rigs.gearbox.torques.derived import NO_OFFSET, Slope, drag_locked, lock_torque, slip_torque, welch
-from pipeline.rigs.gearbox.torques.torque_map import Transfer, pooled
+from pipeline.rigs.gearbox.torques.pooled_map import pooled
+from pipeline.rigs.gearbox.torques.torque_map import LEAD, Transfer
 from pipeline.rigs.over_runs import MANY, OverRuns
 
 # Inertias that differ by more than that share of their median are not one.
@@ -147,8 +148,13 @@ def campaign_of(runs: Sequence[RunNumbers], begins: Mapping[str, float | None] |
     odd = exceptions(watched)
     alike = [run for run in runs if run.name not in odd]
     phases = {}
+    speeds = {name: speed for speed, names in speed_groups(alike).items() for name in names}
     for phase in PHASES:
-        together = pooled([run.transfers[phase] for run in alike if phase in run.transfers], phase)
+        told = [run for run in alike if phase in run.transfers]
+        # A run whose speed is not known is taken for one of its own.
+        together = pooled(
+            [run.transfers[phase] for run in told], phase, [speeds.get(run.name, run.name) for run in told]
+        )
         if together is not None:
             phases[phase] = together
     rises = {run.name: run.transfers["brake"] for run in runs if "brake" in run.transfers}
@@ -185,19 +191,28 @@ def _not_quite_steady(transfer: Transfer, runs: Sequence[RunNumbers]) -> Transfe
     """Return the slope with what a rise that slows the shafts a little leaves in it: no number of runs takes that out.
 
     The drag T_0 changes with the speed and the gearbox's own inertia gives some torque back; both are in proportion to the
-    rise. On T_00 the slope acts with the lever of the mean torque of the rise.
+    rise. On T_00 the slope acts with the lever of the mean torque that was fitted: most of it is FOS before the rise.
     """
     off = _NOT_STEADY * transfer.slope
     error, dof = welch([(transfer.slope_error, transfer.dof), (off, math.inf)])
-    ends = [
-        0.5 * (fos.value + run.unlocking.value)
-        for run in runs
-        if run.unlocking is not None and (fos := run.level("torque_in", "fos")) is not None
-    ]
-    lever = abs(float(np.median(ends)) - transfer.intercept) if ends else 0.0
-    return replace(
-        transfer, slope_error=error, dof=dof, intercept_error=math.hypot(transfer.intercept_error, lever * _NOT_STEADY)
+    means = [mean for run in runs if (mean := _mean_of_rise(run)) is not None]
+    lever = abs(float(np.median(means)) - transfer.intercept) if means else 0.0
+    error_00, dof_00 = welch(
+        [(transfer.intercept_error, transfer.intercept_dof or transfer.dof), (lever * _NOT_STEADY, math.inf)]
     )
+    return replace(transfer, slope_error=error, dof=dof, intercept_error=error_00, intercept_dof=dof_00)
+
+
+def _mean_of_rise(run: RunNumbers) -> float | None:
+    """Return the mean input torque of what is fitted, N m: FOS before the rise and the rise; None where it is not known."""
+    fos, onset, unlock = (
+        run.level("torque_in", "fos"),
+        *(run.run.events.get(name) for name in ("brake_onset", "unlock")),
+    )
+    if fos is None or run.unlocking is None or onset is None or unlock is None:
+        return None
+    rising = unlock - onset
+    return fos.value + 0.5 * (run.unlocking.value - fos.value) * rising / (LEAD + rising)
 
 
 def _drag_grown(run: RunNumbers, drag: Estimate, law: Curve | None) -> tuple[float, float]:

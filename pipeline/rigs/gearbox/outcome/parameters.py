@@ -113,7 +113,9 @@ def _of_transfer(
         parameter(estimate(names[0], transfer.slope, transfer.slope_error, dof=transfer.dof), at, slope_told, method)
     ]
     if math.isfinite(transfer.intercept):
-        one = estimate(names[1], transfer.intercept, transfer.intercept_error, dof=transfer.dof)
+        one = estimate(
+            names[1], transfer.intercept, transfer.intercept_error, dof=transfer.intercept_dof or transfer.dof
+        )
     else:
         why = "the drag changes with speed meanwhile" if transfer.phase == "startup" else NO_OFFSET
         one = undetermined(names[1], why)

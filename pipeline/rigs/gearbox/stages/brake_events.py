@@ -11,7 +11,7 @@ from pipeline.rigs.gearbox.record import Record
 from pipeline.rigs.gearbox.stages.breaks import find_break, ramp
 from pipeline.rigs.gearbox.stages.counts import Counts
 from pipeline.rigs.gearbox.stages.input_torque import BLOCK, CLEAR, FINE, ripple, turning
-from pipeline.rigs.gearbox.stages.lagged_breaks import delayed_ramp, find_lagged_break
+from pipeline.rigs.gearbox.stages.lagged_breaks import delayed_ramp, find_lagged_break, passed_at_once
 from pipeline.rigs.gearbox.stages.stage import EventName, EventTime, Stage
 from pipeline.signals.filtering import low_pass
 
@@ -86,7 +86,7 @@ def brake_events(record: Record, counts: Counts, fos: Stage, stop: float) -> dic
     time, level, turned = turning(record, counts, span, BLOCK)
     within = (max(float(time[0]) + 0.1, rough - 1.0, rise.onset - _LATE), min(rise.onset + 0.01, float(time[-1])))
     onset, _ = find_lagged_break(time, level, ripple(turned), lambda t, t0, lag: _comes_on(t - t0, lag), within)
-    found["brake_onset"] = onset
+    found["brake_onset"] = passed_at_once(onset)
     time, level, turned = turning(record, counts, (span[0], rough), FINE)
     after = max(onset.time + min(0.02, 0.5 * (rough - onset.time)), rough - _LATE)
     if time.size < 100 or not rough - after > 2 * FINE:

@@ -13,6 +13,8 @@ from pipeline.rigs.gearbox.stages.stage import EventTime
 
 # Candidates of the first search and of the three finer ones.
 _STEPS, _FINER = 40, 21
+# By that factor a shift grows until it costs enough.
+_GROWS = 1.5
 Shape = Callable[[np.ndarray], np.ndarray]
 
 
@@ -110,9 +112,12 @@ def _width(
     t0: float, variance: float, least: float, within: tuple[float, float], squares: Callable[[float], float]
 ) -> float:
     """Return how far t_0 must move for nine variances more, over three."""
-    reach, most = 1e-4, within[1] - within[0]
+    reach, most, enough = 1e-4, within[1] - within[0], 9.0 * variance
     while reach < most:
-        if min(squares(t0 - reach), squares(t0 + reach)) - least > 9.0 * variance:
+        rise = min(squares(t0 - reach), squares(t0 + reach)) - least
+        if rise > enough:
+            # The last step has gone too far, by up to a half: the squares grow with the square of the reach.
+            reach *= max(float(np.sqrt(enough / rise)), 1.0 / _GROWS)
             break
-        reach *= 1.5
+        reach *= _GROWS
     return min(reach, most) / 3.0

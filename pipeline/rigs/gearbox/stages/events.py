@@ -28,7 +28,7 @@ from pipeline.rigs.gearbox.stages.input_torque import (
     steady_noise,
     turning,
 )  # fmt: skip
-from pipeline.rigs.gearbox.stages.lagged_breaks import delayed_ramp, delayed_step, find_lagged_break
+from pipeline.rigs.gearbox.stages.lagged_breaks import delayed_ramp, delayed_step, find_lagged_break, passed_at_once
 from pipeline.rigs.gearbox.stages.stage import EventName, EventTime, Stage
 
 # With noise whose drift is known so many variances are enough to tell a change of the torque.
@@ -135,7 +135,8 @@ def rundown_event(record: Record, counts: Counts, stages: Sequence[Stage], drive
     fall, (without, fallen) = find_lagged_break(time, level, ripple(turned), _lets_go, within)
     before = time < within[0]
     clear = without - fallen > _SIGNIFICANT * memory(level[before], turned[before]) * fallen / time.size
-    return {"rundown": fall if clear else blunt}
+    # Some fifteen samples tell step, ramp and lag: what their linear error says holds no better than to a sample.
+    return {"rundown": replace(fall, sd=math.hypot(fall.sd, FINE / math.sqrt(12.0))) if clear else blunt}
 
 
 def _lets_go(time: np.ndarray, t0: float, lag: float) -> np.ndarray:
@@ -191,11 +192,12 @@ def _relock(record: Record, counts: Counts, free: float, fos: Stage) -> EventTim
     sharp, (without, with_step) = find_break(time, level, ripple(turned), [step, ramp_before], within)
     if not without - with_step > CLEAR * with_step / time.size:
         return blunt
-    time, level, turned = turning(record, counts, (max(span[0], sharp.time - _ASTRAY), span[1]), 2 * FINE)
+    time, level, turned = turning(record, counts, (max(span[0], sharp.time - _ASTRAY), span[1]), FINE)
     if time.size < 60:
         return sharp
     within = (max(float(time[5]), sharp.time - 0.06), sharp.time + 0.04)
     found, _ = find_lagged_break(time, level, ripple(turned), _engages, within)
+    found = passed_at_once(found)
     return replace(found, sd=math.hypot(found.sd, GRIPS))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from pipeline.rigs.gearbox.stages.stage import EventTime
 
 # Candidates of the first search and of the two finer ones, and of the lag.
 _STEPS, _FINER, _LAGS = 40, 15, 7
+# Of what a locked drive passes on, the motor's own inertia takes up to that share of all inertias on its shaft.
+_MOTOR = 0.1
 # How long noise is correlated at the most, as a share of the fitted stretch.
 _MEMORY = 0.1
 LAGS = (0.002, 0.005, 0.01, 0.018, 0.028, 0.04)
@@ -73,6 +75,16 @@ class _Fit:
         return self.beside(((after - before) @ found / (2.0 * (step[0] + step[1])))[:, None])
 
 
+def passed_at_once(event: EventTime) -> EventTime:
+    """Return the break of a locked drive's torque allowing for what the motor's own inertia passes on at once.
+
+    The sensor sits behind the motor: T_in = T_m - J_m w', of which only T_m has the lag k_d (J_m + J/a). A break that is
+    taken for lagged as a whole comes out early by k_d J_m; J_m is not known, and its share may be anything from none to a tenth.
+    """
+    most = _MOTOR * event.lag
+    return replace(event, time=event.time + 0.5 * most, sd=math.hypot(event.sd, most / math.sqrt(12.0)))
+
+
 def find_lagged_break(
     time: np.ndarray,
     values: np.ndarray,
@@ -104,7 +116,7 @@ def find_lagged_break(
     -------
     The break with its lag, and the residual sum of squares without and with it, shape (2,). The error comes from slope
     and noise of the values, the noise as correlated as it is found to be, the lag unknown unless held, and from the
-    sample interval, within which a bend cannot be placed.
+    sample interval, within which a jump cannot be placed.
 
     Examples
     --------
@@ -142,7 +154,9 @@ def find_lagged_break(
     rows = np.linalg.pinv(np.column_stack(parts))[place:]
     sd, *rest = (_spread(row, residual, fitted) if noise is None else _spread(row, noise, 1) for row in rows)
     lag_sd = rest[0] if rest else math.nan
-    sampling = float(np.median(np.diff(time))) / math.sqrt(12.0)
+    interval = float(np.median(np.diff(time)))
+    # A jump may lie anywhere between two samples; what a lag rounds off over several of them is placed that much better.
+    sampling = interval / math.sqrt(12.0) * interval / (interval + lag)
     return EventTime(t0, math.hypot(sd, sampling), lag, lag_sd), np.array([float(fit.rest @ fit.rest), left])
 
 

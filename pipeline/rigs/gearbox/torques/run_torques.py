@@ -216,8 +216,11 @@ def _transfers(
         end = min((clip.first(rise) for clip in clips.values()), default=rise[1])
         one = brake_transfer(run, steady, end)
         if one is not None:
+            # The zeros of both torques are in T_00 as they are, and cancel in the slope.
             error = math.hypot(
                 one.intercept_error,
+                run.offset_in.std_error,
+                run.offset_out.std_error / one.slope,
                 *(drift.error(end) / (one.slope if name == "torque_out" else 1.0) for name, drift in drifts.items()),
             )
             found["brake"] = replace(one, intercept_error=error)

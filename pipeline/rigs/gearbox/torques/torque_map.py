@@ -13,14 +13,13 @@ import numpy as np
 
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.rigs.gearbox.aligned_run import AlignedRun, Span, within
-from pipeline.rigs.gearbox.many import blocks
 from pipeline.rigs.gearbox.torques.nominal import Level
 from pipeline.rigs.gearbox.torques.ripple import learn
-from pipeline.rigs.over_runs import MANY
 from pipeline.signals.filtering import slope as time_slope
 
-# Before the brake comes on, so much of the locked, steady state counts with its rise, s.
-_LEAD = 0.5
+LEAD = 0.5
+"""Before the brake comes on, so much of the locked, steady state counts with its rise, s."""
+
 # Start-up: T_0(w) is taken out as a polynomial of this degree in speed.
 _SPEED_DEGREE = 3
 # Block means for the fits, Hz: fine enough for a rise of 0.1 s.
@@ -44,7 +43,8 @@ class Line:
 class Transfer:
     """T_out = slope (T_in - intercept) in one phase: a (1) and T_00 (N m), standard errors, their dof.
 
-    `intercept` is NaN where the phase cannot tell it (start-up, where the drag changes with speed).
+    `intercept` is NaN where the phase cannot tell it (start-up, where the drag changes with speed). `intercept_dof` are
+    those of its error where they are not those of the slope's.
     """
 
     phase: str
@@ -53,6 +53,7 @@ class Transfer:
     intercept: float
     intercept_error: float
     dof: float
+    intercept_dof: float | None = None
 
     @property
     def slope_ci95(self) -> Span:
@@ -136,7 +137,7 @@ def brake_transfer(run: AlignedRun, steady: list[Span], until: float = math.inf)
         return None
     data = _Locked.of(run, steady)
     # A block mean reaches half a block further.
-    part = within(data.time, (onset - _LEAD, min(unlock, until - 0.5 / _RATE)))
+    part = within(data.time, (onset - LEAD, min(unlock, until - 0.5 / _RATE)))
     return data.transfer("brake", part, np.ones((part.stop - part.start, 1)))
 
 
@@ -183,41 +184,6 @@ def steady_transfer(before: tuple[Level, Level], loaded: tuple[Level, Level]) ->
     )
     dof = min(level.dof for level in (*before, *loaded))
     return Transfer("steady", a, error, t_00, math.hypot(*errors), dof)
-
-
-def pooled(transfers: list[Transfer], phase: str = "brake") -> Transfer | None:
-    """Return the weighted mean of the runs' transfers; errors grow where the runs differ by more than they say."""
-    used = [t for t in transfers if t.slope_error > 0]
-    if not used:
-        return None
-    if len(used) == 1:
-        return used[0]
-    a, error, dof = _weighted([t.slope for t in used], [t.slope_error for t in used], [t.dof for t in used])
-    known = [t for t in used if math.isfinite(t.intercept)]
-    t_00, error_00 = math.nan, math.nan
-    if known:
-        t_00, error_00, _ = _weighted(
-            [t.intercept for t in known], [t.intercept_error for t in known], [t.dof for t in known]
-        )
-    return Transfer(phase, a, error, t_00, error_00, dof)
-
-
-def _weighted(values: list[float], errors: list[float], dofs: list[float]) -> tuple[float, float, float]:
-    """Return weighted mean, error and degrees of freedom.
-
-    Where the runs, or blocks of neighbouring runs, differ by more than their errors allow, it is wider (Birge ratio);
-    what that adds is as uncertain as a variance of so many values.
-    """
-    x, weight = np.array(values), 1 / np.square(errors)
-    total = weight.sum()
-    mean = float(weight @ x / total)
-    single = float(weight @ (x - mean) ** 2) / max(x.size - 1, 1)
-    sums = np.array([float(weight[block] @ (x[block] - mean)) for block in blocks(x.size)])
-    together = float(sums @ sums) / float(total) * sums.size / max(sums.size - 1, 1) if x.size > MANY else 0.0
-    birge, count = max((single, x.size), (together, sums.size), (1.0, x.size))
-    share = weight / total
-    spread = float(np.sum(share**2 / np.array(dofs))) + (birge - 1.0) ** 2 / max(count - 1, 1)
-    return mean, math.sqrt(birge / total), birge**2 / spread
 
 
 @dataclass(frozen=True, eq=False)

@@ -115,20 +115,28 @@ def smoothed(r: np.ndarray, sd: np.ndarray, noise_dof: np.ndarray) -> np.ndarray
     return np.asarray(np.exp(curve / 2))
 
 
-def for_intercept(taken: Law, laws: Sequence[Law]) -> Law:
-    """Return the law that the intercept is read from: a degree more where its last coefficient stands out.
+def for_intercept(taken: Law, laws: Sequence[Law], goes: bool) -> Law:
+    """Return the law that the intercept is read from, of a higher degree than the taken one where that is due.
 
     Chi-square over all tones asks whether a law can be right; a slope of two standard errors passes it, and
     biases the intercept of a constant by as much. It is no claim that the coefficient goes with frequency.
+
+    Parameters
+    ----------
+    goes
+        Whether coefficients of this operating point are seen to go with frequency. One film makes them all: then a
+        degree more is taken, whose larger error tells what it costs. Else where the next coefficient stands out.
     """
     richer = _next(taken, laws)
+    if goes:
+        return richer or taken
     while richer is not None and abs(richer.coefficients[-1]) > _STANDS_OUT * np.sqrt(richer.covariance[-1, -1]):
         taken, richer = richer, _next(richer, laws)
     return taken
 
 
 def choice_error(taken: Law, laws: Sequence[Law]) -> float:
-    """Return what the intercept may owe to the choice of the degree, as a standard error.
+    """Return what the intercept may owe to the choice of the degree where none is seen to be due, as a standard error.
 
     A trend as small as the noise stays unseen, and biases the intercept of the simpler law by about as much as the
     next degree moves it, or may move it by chance. By simulation (a slope that biases a constant's intercept by 0 to

@@ -45,10 +45,11 @@ def _impedance(findings: Findings) -> str:
 def _laws() -> str:
     return (
         "Over frequency each coefficient was fitted by polynomials of degree 0, 1 and 2 in f/f_shaft - 1; the lowest degree whose "
-        "chi-square stays below its 99 % point was taken. The synchronous coefficient is its value at the shaft's frequency, or that of a degree more "
-        "where the further coefficient exceeds two standard errors. Weights come from "
-        "standard errors smoothed over the tones, the covariance from the errors themselves; by how much the next degree would move the value "
-        "is added to the error (in squares; three quarters of its chance spread at least). Where even the parabola is rejected, at 1 % for all coefficients of the campaign together (Bonferroni), errors are "
+        "chi-square stays below its 99 % point was taken. The synchronous coefficient is the law's value at the shaft's frequency. "
+        "Where any coefficient goes with frequency, all are read from a degree more: a trend too small for chi-square would bias the lower degree. "
+        "Where none does, a degree more was taken only where its coefficient exceeds two standard errors, and by how much the next degree would move "
+        "the value is added to the error (in squares; three quarters of its chance spread at least). Weights come from "
+        "standard errors smoothed over the tones, the covariance from the errors themselves. Where even the parabola is rejected, at 1 % for all coefficients of the campaign together (Bonferroni), errors are "
         "widened to the scatter about it."
     )
 

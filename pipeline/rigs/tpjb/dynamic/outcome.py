@@ -71,20 +71,22 @@ def _synchronous(solution: Solution, name: str) -> Parameter:
         return _null(
             name, at, f"no tones on both sides of the shaft's {shaft:.4g} Hz (used: {span}); it would be extrapolated"
         )
-    law = for_intercept(entry.law, entry.laws)
+    goes = any(other.law is not None and other.law.degree > 0 for other in solution.coefficients.values())
+    law = for_intercept(entry.law, entry.laws, goes)
     (value,), (scatter,) = law.at(0.0)
-    chosen = choice_error(law, entry.laws)
+    chosen = 0.0 if goes else choice_error(law, entry.laws)
     sd = float(np.hypot(scatter, chosen))
     nearest = int(np.abs(solution.tones - shaft).argmin())
     if reason := _doubted(solution, name, sd, nearest):
         return _null(name, at, reason)
     judged = f"chi-square {law.chi2:.3g} with {law.dof} degrees of freedom" if law.dof else "no degree of freedom left"
     widened = f", errors widened {law.widening:.2g} times" if law.widening > 1 else ""
+    by_mass = float(np.interp(shaft, solution.tones, entry.inertia))
     widened += (
         f", of the error {chosen:.2g} {_SPEC[name].unit} by the choice of the degree" if chosen > 0.1 * sd else ""
     )
-    by_mass = float(np.interp(shaft, solution.tones, entry.inertia))
-    text = f"order {law.degree}: polynomial of degree {law.degree} in frequency ({judged}{widened})"
+    enough = f", where degree {entry.law.degree} would do" if law is not entry.law else ""
+    text = f"order {law.degree}: polynomial of degree {law.degree} in frequency{enough} ({judged}{widened})"
     return _with_type_b(solution, _parameter(name, float(value), sd, law.noise_dof, at, text), by_mass)
 
 
