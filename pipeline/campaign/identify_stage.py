@@ -98,6 +98,7 @@ def _told(recording: Recording) -> _Told:
         sha256=[source.sha256 for source in recording.provenance.files],
         duration=max((stream.duration for stream in recording.streams.values()), default=0.0),
         n_samples=sum(stream.size for stream in recording.streams.values()),
+        begins=recording.provenance.begins,
         repairs=list(recording.provenance.repairs),
     )
     return _Told(run, _of_run(recording))

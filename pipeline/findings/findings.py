@@ -114,6 +114,7 @@ class Run(_Strict):
     sha256: list[str] = Field(default_factory=list)
     duration: Number = None
     n_samples: int = 0
+    begins: Number = Field(None, description="moment of second 0, s since 1970 (UTC); null where the logs bear no date")
     repairs: list[str] = Field(default_factory=list)
 
 

@@ -10,8 +10,9 @@ from typing import Any
 from pyarrow import ArrowException
 from pydantic import ValidationError
 
+from pipeline import __version__
 from pipeline.errors import InputError
-from pipeline.findings.findings import Findings
+from pipeline.findings.findings import SCHEMA_VERSION, Findings
 from pipeline.findings.together import together
 
 _ANEW = "Identify that campaign again: 'rigfit identify' with its name in a project, 'rigfit run' elsewhere."
@@ -50,13 +51,10 @@ def read(path: Path) -> Findings:
     """
     path = path / "findings.json" if path.is_dir() else path
     try:
-        findings = Findings.model_validate_json(path.read_bytes())
+        content = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give a findings.json or its folder.") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise InputError(f"{path}: not findings as rigfit writes them: {place}: {first['msg']}. {_ANEW}") from error
+    findings = parse(content, str(path))
     for file in sorted((path.parent / "arrays").glob("*.parquet")):
         import pandas as pd
 
@@ -65,6 +63,41 @@ def read(path: Path) -> Findings:
         except (ArrowException, OSError, ValueError) as error:
             raise InputError(f"{file}: damaged, it cannot be read ({error}). {_ANEW}") from error
     return findings
+
+
+def parse(content: bytes | str, shown_as: str) -> Findings:
+    """Return the findings that the text of a findings.json holds, without arrays; `shown_as` is its place for messages.
+
+    Raises
+    ------
+    InputError
+        If it is of another schema, or not as `docs/findings.schema.json` says; names the first fault.
+    """
+    try:
+        findings = Findings.model_validate_json(content)
+    except ValidationError as error:
+        _refuse_other_schema(_schema_of(content), shown_as)
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise InputError(f"{shown_as}: not findings as rigfit writes them: {place}: {first['msg']}. {_ANEW}") from error
+    _refuse_other_schema(findings.schema_version, shown_as)
+    return findings
+
+
+def _schema_of(content: bytes | str) -> object:
+    try:
+        told = json.loads(content)
+    except (ValueError, RecursionError):
+        return None
+    return told.get("schema") if isinstance(told, dict) else None
+
+
+def _refuse_other_schema(schema: object, shown_as: str) -> None:
+    if isinstance(schema, int) and schema != SCHEMA_VERSION:
+        raise InputError(
+            f"{shown_as}: findings of schema {schema}; this rigfit ({__version__}) reads schema {SCHEMA_VERSION}. Read them with "
+            f"the version that wrote them. {_ANEW}"
+        )
 
 
 def json_schema() -> dict[str, Any]:

@@ -90,7 +90,7 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
     command
         What the user typed, for whoever repeats it.
     """
-    numbers = _Numbers()
+    numbers = Numbers()
     made = [
         Chapter("key", "The numbers that matter", list(numbers.given(_key(findings, experiment)))),
         Chapter("advice", "What to do next", list(numbers.given(_next(findings, experiment)))),
@@ -121,7 +121,7 @@ def _some(*tables: TableView | None) -> list[Block | Figure]:
     return [table for table in tables if table]
 
 
-class _Numbers:
+class Numbers:
     """Numbers figures and tables through the page."""
 
     def __init__(self) -> None:
