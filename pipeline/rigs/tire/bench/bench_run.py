@@ -144,7 +144,7 @@ def bench_run(recording: Recording) -> BenchRun:
         raise InputError(_no_passage(recording, findings))
     revolutions = joined(blocks)
     try:
-        waveform = averaged(revolutions)
+        waveform = averaged(revolutions, middle=0.5 * sum(device.span))
     except InputError as error:
         findings = passage_findings(device, course, None)
         told = next((f.message for f in findings if f.level == "error"), str(error))

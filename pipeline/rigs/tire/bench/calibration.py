@@ -22,6 +22,8 @@ _SAME_SPEED = 0.1
 _FEWEST_LOADS = 3
 _FEWEST_QUADRATIC = 4
 _SIGNIFICANT = 0.01
+# The curve misses more than runs differ; d ln(peak)/d ln(pressure) (tire.md, 3.5).
+_MISSES, _BY_PRESSURE = 0.05, -0.59
 # Up against down, over the load at mid-range; load without a peak, over the same.
 _MOST_HYSTERESIS = 0.02
 _MOST_OFFSET = 0.08
@@ -52,6 +54,16 @@ class PeakPoint:
     speed: float
     revolution_sd: float = 0.0
     direction: int = 0
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """How well runs repeat, told by all of their waveforms (relative standard deviations), and degrees of freedom of that."""
+
+    load: float
+    gain: float
+    pressure: float
+    dof: int
 
 
 @dataclass(frozen=True)
@@ -120,6 +132,7 @@ def calibrate(
     *,
     load_gain_u: float = 0.005,
     mass: float | None = None,
+    repeat: Repeat | None = None,
 ) -> Calibration:
     """Regress peaks on loads and tell what the curve is good for.
 
@@ -136,6 +149,9 @@ def calibrate(
         Relative standard uncertainty of the load cell's gain.
     mass
         Of beam and axle, kg, where known: what an offset is compared with.
+    repeat
+        Five points leave a parabola two degrees of freedom: by chance they lie on it far better than runs repeat. What the
+        waveforms of all runs tell of that is pooled with it, unless the curve misses by more.
     """
     used, left_out = _at_one_speed(points)
     groups = _groups(used)
@@ -160,7 +176,8 @@ def calibrate(
         )
         return _without(reason, used, left_out)
     own = np.mean([p.peak_se**2 + (s * p.load_se) ** 2 for p, s in zip(used, slopes, strict=True)])
-    scatter = math.sqrt(max(float(residual @ residual) / dof, 1e-12 * float(y @ y) / y.size))
+    variance, dof = _pooled(float(residual @ residual) / dof, dof, float(own), F, y, slopes, repeat)
+    scatter = math.sqrt(max(variance, 1e-12 * float(y @ y) / y.size))
     curve = Curve(
         coefficients,
         scatter**2 * covariance + _of_friction(friction, F, y, way, degree),
@@ -186,6 +203,22 @@ def calibrate(
         zero,
         _remarks(curve, count, lack, friction, zero, mass),
     )
+
+
+def _pooled(
+    left: float, dof: int, own: float, F: np.ndarray, y: np.ndarray, slopes: np.ndarray, repeat: Repeat | None
+) -> tuple[float, int]:
+    """Return the variance of a run's peak about the curve, ohm^2, and its degrees of freedom."""
+    from scipy.special import fdtrc
+
+    if repeat is None or repeat.dof < 1:
+        return left, dof
+    told = own + float(
+        np.mean((repeat.load * slopes * F) ** 2 + (repeat.gain**2 + (_BY_PRESSURE * repeat.pressure) ** 2) * y**2)
+    )
+    if told <= 0.0 or fdtrc(dof, repeat.dof, left / told) < _MISSES:
+        return left, dof
+    return (dof * left + repeat.dof * told) / (dof + repeat.dof), dof + repeat.dof
 
 
 def _at_one_speed(points: Sequence[PeakPoint]) -> tuple[list[PeakPoint], dict[str, str]]:

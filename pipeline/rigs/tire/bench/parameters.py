@@ -236,7 +236,7 @@ def _of_runs(found: Campaign) -> list[Estimate]:
             continue
         if math.isfinite(wave.level):
             rows.append(
-                estimate("sensor_resistance", wave.level, wave.level_se, dof=max(wave.revolutions - 1, 1), at=at,
+                estimate("sensor_resistance", wave.level, wave.level_se, dof=max(wave.revolutions - 2, 1), at=at,
                          reason="type A")
             )  # fmt: skip
         else:

@@ -13,13 +13,15 @@ from pipeline.errors import listing
 from pipeline.estimation.estimate import undetermined
 from pipeline.recording import QualityFinding
 from pipeline.rigs.tire.bench.bench_run import BenchRun
-from pipeline.rigs.tire.bench.calibration import PeakPoint, calibrate
+from pipeline.rigs.tire.bench.calibration import PeakPoint, Repeat, calibrate
 from pipeline.rigs.tire.bench.campaign import Campaign
 from pipeline.rigs.tire.bench.reference import LOAD
 from pipeline.rigs.tire.bench.same_tire import at_usual_pressure
 
 # Names of runs that tell the way of loading: load_2000_down; u2000 beside d2000.
 _DOWN = re.compile(r"(?<![a-z])(down|unload\w*|ab|release)(?![a-z])")
+# Deviations that the ring fit finds between runs: load, gain, pressure.
+_DEVIATIONS = 3
 _UP_SHORT, _DOWN_SHORT = re.compile(r"(?<![a-z])u_?\d"), re.compile(r"(?<![a-z])d_?\d")
 
 
@@ -69,7 +71,8 @@ def calibrate_peaks(found: Campaign) -> None:
     level = float(np.mean(levels)) if levels else first.divider_resistance
     masses = [mass for run in found.runs if (mass := run.told("moving_mass")) is not None]
     found.calibration = calibrate(
-        points, level, first.supply_voltage, first.divider_resistance, load_gain_u=found.tire.load_gain_u, mass=masses[0] if masses else None
+        points, level, first.supply_voltage, first.divider_resistance, load_gain_u=found.tire.load_gain_u, mass=masses[0] if masses else None,
+        repeat=_repeat(found),
     )  # fmt: skip
     found.uncalibrated.update(found.calibration.left_out)
     friction = found.calibration.friction
@@ -80,6 +83,14 @@ def calibrate_peaks(found: Campaign) -> None:
         and not friction.ci95[0] <= 0.0 <= friction.ci95[1]
     ):
         found.friction = {run.name: way * friction.value for run, way in zip(found.runs, ways, strict=True)}
+
+
+def _repeat(found: Campaign) -> Repeat | None:
+    """Return how well the runs repeat as the ring fit has it: three deviations from so many runs."""
+    if found.ring is None or found.verdict is None or not found.verdict.fits or not found.ring.scatter.size > 0.0:
+        return None
+    scatter = found.ring.scatter
+    return Repeat(scatter.load, scatter.gain, scatter.pressure, len(found.ring.runs) - _DEVIATIONS)
 
 
 def _directions(names: Sequence[str]) -> list[int]:

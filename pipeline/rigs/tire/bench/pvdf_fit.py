@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.estimation.separable import covariance_of
+from pipeline.rigs.tire.bench.order_noise import noise_of_orders
 from pipeline.rigs.tire.bench.run_scatter import likely_scatter
 from pipeline.rigs.tire.ring.pvdf import film_over_flex
 from pipeline.rigs.tire.ring.ring import grid
@@ -31,6 +32,8 @@ _LEAST_AVERAGING = 0.15
 _SIZES = np.array([1.0, 1e-3, 1e-2, 1e-3, 1.0, 1.0])
 # A length that is told as exact.
 _EXACT = 1e-6
+# Scatter between runs and noise of the orders hide each other: found in turn.
+_PASSES = 2
 _FURTHEST = 0.3
 _LIMIT = 0.1
 _LEAST_ANGLE = 0.02
@@ -179,13 +182,13 @@ def fit_film(
             R=R,
         )
 
-    def residual(x: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    def residual(x: np.ndarray, spread: np.ndarray, louder: np.ndarray) -> np.ndarray:
         rows = []
         for s in spectra:
             H = model(x, s)
             r = (s.V - H * s.X) / np.sqrt(s.film_sd**2 + np.abs(H) ** 2 * s.flex_sd**2)
             rows += [r.real, r.imag]
-        return np.concatenate([*rows, x[count:] / spread])
+        return np.concatenate([np.concatenate(rows) / louder, x[count:] / spread])
 
     def start(tau_p: float) -> np.ndarray:
         x = np.array([1.0, tau_p, 0.0, flex_lag or 0.0, 0.0, 0.0, *np.zeros(len(spectra))])
@@ -194,22 +197,29 @@ def fit_film(
         return x
 
     spread = np.array([*np.maximum([flex_length_u, film_length_u], _EXACT), *np.full(len(spectra), _EXACT)])
-    best = min((_searched(residual, start(tau_p), spread) for tau_p in (2e-3, 2e-2, 2e-4)), key=lambda one: one.cost)
-    scatter = _scatter(best, spread)
-    if scatter > 0.0:
-        spread[2:] = scatter
-        best = _searched(residual, best.x, spread)
+    rows = 2 * sum(s.n.size for s in spectra)
+    louder = np.ones(rows)
+    best = min(
+        (_searched(residual, start(tau_p), spread, louder) for tau_p in (2e-3, 2e-2, 2e-4)), key=lambda one: one.cost
+    )
+    scatter = 0.0
+    for _ in range(_PASSES):
+        scatter = _scatter(best, spread)
+        spread[2:] = scatter or _EXACT
+        best = _searched(residual, best.x, spread, louder)
+        louder = noise_of_orders(best.fun[:rows] * louder, len(spectra))
+        best = _searched(residual, best.x, spread, louder)
     jacobian = np.asarray(best.jac)
     plain, _ = covariance_of(jacobian)
-    rows = best.fun.size - spread.size
-    reduced = float(best.fun[:rows] @ best.fun[:rows]) / max(rows - count, 1)
+    dof = max(rows - count, 1)
+    assumed = best.fun[:rows] * louder
+    reduced = float(assumed @ assumed) / dof
+    left = max(float(best.fun[:rows] @ best.fun[:rows]) / dof, 1.0)
     bent = plain @ jacobian[:rows].T @ _noise(spectra, [model(best.x, s) for s in spectra])
     told = plain @ jacobian[rows:].T
-    by_noise = max(reduced, 1.0) * (bent @ bent.T)
-    by_order = (
-        plain @ (jacobian[:rows].T * best.fun[:rows] ** 2) @ jacobian[:rows] @ plain * rows / max(rows - count, 1)
-    )
-    # Coloured noise is larger in some orders than in others: what each order leaves tells it.
+    by_noise = left * (bent @ bent.T)
+    by_order = plain @ (jacobian[:rows].T * best.fun[:rows] ** 2) @ jacobian[:rows] @ plain * rows / dof
+    # What the orders leave is not alike where the law itself is off.
     wider = np.sqrt(np.maximum(np.diag(by_order) / np.diag(by_noise), 1.0))
     covariance = (by_noise * np.outer(wider, wider) + told @ told.T)[:count, :count] * np.outer(
         _SIZES[:count], _SIZES[:count]
@@ -234,7 +244,10 @@ def fit_film(
 
 
 def _searched(
-    residual: Callable[[np.ndarray, np.ndarray], np.ndarray], start: np.ndarray, spread: np.ndarray
+    residual: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+    start: np.ndarray,
+    spread: np.ndarray,
+    louder: np.ndarray,
 ) -> OptimizeResult:
     from scipy.optimize import least_squares
 
@@ -243,7 +256,7 @@ def _searched(
     sizes = np.array([*_SIZES, *np.ones(spread.size - 2)])
     scale = np.array([abs(start[0]) or 1.0, 1.0, 1.0, 1.0, *spread])
     return least_squares(
-        residual, start, args=(spread,), bounds=(np.array(least) / sizes, np.array(free) / sizes), x_scale=scale,
+        residual, start, args=(spread, louder), bounds=(np.array(least) / sizes, np.array(free) / sizes), x_scale=scale,
         jac="3-point", ftol=1e-12, xtol=1e-12, max_nfev=300,
     )  # fmt: skip
 

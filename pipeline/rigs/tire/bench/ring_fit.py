@@ -15,7 +15,7 @@ from pipeline.errors import InputError
 from pipeline.estimation.residuals import whiteness
 from pipeline.estimation.separable import covariance_of
 from pipeline.estimation.uncertainty import effective_size
-from pipeline.rigs.tire.bench.ring_information import SOURCES, information_of, shared_changes
+from pipeline.rigs.tire.bench.ring_information import SOURCES, RingInformation, information_of, shared_changes
 from pipeline.rigs.tire.bench.ring_model import NAMES, SCALED, SIZES, RingModel, Unknowns, unknowns_at
 from pipeline.rigs.tire.bench.ring_result import Influence, RingFit, RunFit
 from pipeline.rigs.tire.bench.ring_run import Known, RingRun
@@ -230,7 +230,9 @@ def _result(
     band_dof = max(2 * order * len(bands) - len(NAMES) - len(model.runs), 1)
     shared = J[:, : len(NAMES)]
     influences = _influences(model, x, J)
-    covariance = widening * plain
+    # Noise that the model or its colour makes larger; what is known beforehand of loads, gains and lengths stays as it is.
+    measured = J[: J.shape[0] - len(model.priors)]
+    covariance = plain + (widening - 1.0) * plain @ (measured.T @ measured) @ plain
     slopes = model.length_slopes(x)
     fitted = tuple(
         _run_fit(model, x, i, residuals[i], bands[i] / (2 * order), slopes, covariance) for i in range(len(model.runs))
@@ -256,11 +258,18 @@ def _result(
         left_out=left_out,
         scale_held=scale_held,
         scatter=model.scatter,
-        information=information_of(model, x) * (1.0 / widening),
-        held=_GUESS_U**-2.0 / widening if scale_held else 0.0,
+        information=_as_wide(information_of(model, x), covariance[:k, :k]),
+        held=_GUESS_U**-2.0 if scale_held else 0.0,
         noise=math.sqrt(widening) * float(np.median([np.median(1.0 / w[w > 0.0]) for w in model.weights])),
         load_se=float(np.median([run.load_se / run.load for run in model.runs])),
     )
+
+
+def _as_wide(found: RingInformation, covariance: np.ndarray) -> RingInformation:
+    """Return information that leaves this covariance, and by which the coordinates follow what all runs share as before."""
+    size = 1.0 / np.sqrt(np.diag(covariance))
+    matrix = np.linalg.pinv(covariance * np.outer(size, size), rcond=1e-14, hermitian=True) * np.outer(size, size)
+    return RingInformation(matrix, matrix @ np.linalg.lstsq(found.matrix, found.pulls, rcond=1e-14)[0])
 
 
 def _correlation_length(residual: np.ndarray) -> float:

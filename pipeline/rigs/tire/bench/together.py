@@ -41,7 +41,7 @@ def campaign_of(tire: Tire, runs: Sequence[BenchRun]) -> Campaign:
     calibrate_peaks(found)
     fit_rings(found)
     doubt_circuit(found)
-    if found.misfit or found.circuit_doubt:
+    if found.ring is not None or found.circuit_doubt:
         calibrate_peaks(found)
     withdraw_doubtful(found)
     check_film(found)

@@ -37,8 +37,8 @@ class Waveform:
     mean, std_error, scatter
         R2 and its standard error; standard deviation between revolutions; ohm, shape (BINS,).
     level, level_se
-        R0: mean over the revolution; standard error from the scatter between revolutions beside a drift, ohm. NaN where part of
-        the revolution is never recorded.
+        R0: mean over the revolution, in the middle of the run where that is known; standard error from the scatter between
+        revolutions beside a straight drift, ohm. NaN where part of the revolution is never recorded.
     count
         Samples in each bin.
     film, film_se
@@ -88,7 +88,7 @@ def change_shape(mean: np.ndarray, highest: int) -> Shape:
     return shape_of(values - values.mean(), highest)
 
 
-def averaged(revolutions: Revolutions | Iterable[Revolutions], run: str = "") -> Waveform:
+def averaged(revolutions: Revolutions | Iterable[Revolutions], run: str = "", middle: float | None = None) -> Waveform:
     """Return the average of the whole revolutions.
 
     Parameters
@@ -97,6 +97,8 @@ def averaged(revolutions: Revolutions | Iterable[Revolutions], run: str = "") ->
         All of a run, or its blocks: one block is held at a time.
     run
         For the message.
+    middle
+        Moment that the level is told for, s: of a drift over the run the whole turns need not hold the middle.
 
     Raises
     ------
@@ -107,6 +109,7 @@ def averaged(revolutions: Revolutions | Iterable[Revolutions], run: str = "") ->
     flex, film, seen = _Sums(), _Sums(), 0
     levels: list[np.ndarray] = []
     speeds: list[np.ndarray] = []
+    times: list[np.ndarray] = []
     rejected = 0
     for block in blocks:
         seen += len(block)
@@ -121,6 +124,7 @@ def averaged(revolutions: Revolutions | Iterable[Revolutions], run: str = "") ->
             film.add(good.film, np.isfinite(good.film) * np.maximum(good.count, 1))
         levels.append(good.level)
         speeds.append(good.speed)
+        times.append(good.times)
     if flex.revolutions < _LEAST:
         where = f"run '{run}': " if run else ""
         raise InputError(
@@ -132,13 +136,14 @@ def averaged(revolutions: Revolutions | Iterable[Revolutions], run: str = "") ->
     values = bridged(mean)
     off = values - values.mean()
     known = bool(np.mean(flex.count > 0) > 0.9)
+    moved, level_se = _level_at(level, np.concatenate(times), middle)
     return Waveform(
         theta=grid(BINS),
         mean=mean,
         std_error=flex.std_error(),
         scatter=flex.scatter(),
-        level=float(values.mean()) if known else math.nan,
-        level_se=_level_error(level) if known else math.nan,
+        level=float(values.mean()) + moved if known else math.nan,
+        level_se=level_se if known else math.nan,
         count=flex.count.astype(int),
         film=film.mean() - np.nanmean(film.mean()) if film.revolutions >= _LEAST else None,
         film_se=film.std_error() if film.revolutions >= _LEAST else None,
@@ -152,15 +157,22 @@ def averaged(revolutions: Revolutions | Iterable[Revolutions], run: str = "") ->
     )
 
 
-def _level_error(level: np.ndarray) -> float:
-    """Return the standard error of a run's mean level, ohm, by what the turns leave of a straight drift.
+def _level_at(level: np.ndarray, times: np.ndarray, middle: float | None) -> tuple[float, float]:
+    """Return by how much the level at a moment is over the mean of the turns', and its standard error, ohm.
 
-    The turns used begin and end up to one turn off the run's: the mean of a drift is off by as much of it.
+    Along a straight drift; the error is by what the turns leave of it. Without a moment the turns used begin and end up to one
+    turn off the run's: the mean of a drift is off by as much of it.
     """
     turn = np.arange(level.size, dtype=float)
-    slope, start = np.polyfit(turn, level, 1)
-    noise = level - start - slope * turn
-    return math.hypot(math.sqrt(float(noise @ noise) / max(level.size - 2, 1) / level.size), slope * _OFF_TURN)
+    at = turn if middle is None else times
+    off = at - at.mean()
+    slope = float(off @ level) / float(off @ off)
+    noise = level - level.mean() - slope * off
+    variance = float(noise @ noise) / max(level.size - 2, 1)
+    if middle is None:
+        return 0.0, math.hypot(math.sqrt(variance / level.size), slope * _OFF_TURN)
+    away = middle - float(at.mean())
+    return slope * away, math.sqrt(variance * (1.0 / level.size + away**2 / float(off @ off)))
 
 
 def _not_outlying(block: Revolutions, before: _Sums) -> np.ndarray:
