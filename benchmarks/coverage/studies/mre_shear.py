@@ -1,6 +1,6 @@
 """Coverage of `mre.shear`: the full campaign and the four runs of the preload test, 16 logs.
 
-The bound is that of the likelihood of the harmonics: noise of its true colour on both signals, gains of the runs
+The bound is that of the likelihood of the harmonics of the 14 runs at 200 N: noise of its true colour on both signals, gains of the runs
 normally distributed with the true scatter, all other parameters free.
 
 Loop metrics of all runs count together; they have no bound, since they are read from the loops without a model. Logs last 2 s,
@@ -115,7 +115,7 @@ def bounds() -> Mapping[tuple[str, float], float]:
     """Return the bound on the standard error of each parameter of the dynamic model, by name and current (0 for none)."""
     orders = np.arange(1, N_F + 1)
     loops = []
-    for run in (run for run in _RUNS.values() if run.test == "shear"):
+    for run in (run for run in _RUNS.values() if run.preload == 200.0):
         loop = true_loop(_TRUTH, run)
         late = np.exp(-1j * orders * loop.omega * _TRUTH.force_lag)
         at = orders * run.frequency

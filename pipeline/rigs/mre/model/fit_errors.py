@@ -79,22 +79,55 @@ class Errors:
 
 
 def errors_with_scatter(
-    jacobian: np.ndarray, V: GainVectors, scatter: Scatter, factor: float, held: np.ndarray
+    jacobian: np.ndarray,
+    V: GainVectors,
+    scatter: Scatter,
+    factor: float,
+    held: np.ndarray,
+    level_variance: np.ndarray | None = None,
 ) -> Errors:
-    """Return the errors of a (generalised) least-squares fit.
+    """Return the errors of a (generalised) least-squares fit whose weights are estimates.
 
-    `jacobian` (rows, p) and the gain vectors `V` are whitened, `factor` multiplies the
-    covariance (Birge), `held` (p,) marks parameters at a bound: the others take them as known.
+    `jacobian` (rows, p) and the gain vectors `V` are whitened, `factor` multiplies the covariance (Birge), `held` (p,)
+    marks parameters at a bound: the others take them as known. `level_variance` (rows,) is the relative variance of the
+    noise's level behind each row, the same for real and imaginary part (rows i and i + rows/2).
+
+    Notes
+    -----
+    Weights that chance made too large take a fit to their rows and call it sure. To first order the covariance C grows by
+    2 C [sum_i W_i (Q_i - P_i C P_i)] C over the variance components (Kenward and Roger, Biometrics 53, 1997, 983): W_i
+    the component's variance, P_i = J^T D_i J and Q_i = J^T D_i D_i J with D_i the change of the rows' covariance with it.
     """
     covariance = covariance_of(jacobian)[0] * factor
     if held.any():
         own = np.where(held, np.diag(covariance), 0.0)
         covariance = np.diag(own)
         covariance[np.ix_(~held, ~held)] = covariance_of(jacobian[:, ~held])[0] * factor
+    free = np.where(held, 0.0, jacobian)
+    variance = covariance
+    if level_variance is not None:
+        half = free.shape[0] // 2
+        pairs = np.stack([free[:half], free[half:]], axis=1)  # of each harmonic
+        moved = pairs @ covariance
+        left = np.eye(2) - moved @ pairs.transpose(0, 2, 1) / factor
+        grown = np.sqrt(2 * level_variance[:half, None, None] / factor) * (_root(left) @ moved)
+        grown = grown.reshape(-1, free.shape[1])
+        variance = variance + grown.T @ grown
     if scatter.value == 0:
-        return Errors(covariance, np.zeros((jacobian.shape[1], 0)), 0.0)
-    pull = covariance @ np.where(held[:, None], 0.0, V.across(jacobian).T)
-    return Errors(covariance, pull, scatter.variance_of_square)
+        return Errors(variance, np.zeros((jacobian.shape[1], 0)), 0.0)
+    across = V.across(free)
+    pull = covariance @ across.T
+    # As a (p, p) matrix in standard errors: of many runs the square one of all never stands.
+    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    reach, through = pull / sd[:, None], pull @ across / sd[:, None]
+    grown = _root((reach * V.squares) @ reach.T - through @ covariance @ through.T / factor) * sd
+    return Errors(variance + 2 * scatter.variance_of_square * grown.T @ grown, pull, scatter.variance_of_square)
+
+
+def _root(matrices: np.ndarray) -> np.ndarray:
+    """Return R with R^T R the symmetric matrices (..., k, k), of which rounding may make eigenvalues negative."""
+    values, vectors = np.linalg.eigh(matrices)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2))
 
 
 def errors_of_wrong_model(jacobian: np.ndarray, residual: np.ndarray, runs: np.ndarray, dof: int) -> Errors:

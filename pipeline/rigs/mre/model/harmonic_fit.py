@@ -34,6 +34,7 @@ from pipeline.rigs.mre.model.fit_errors import (
 )
 from pipeline.rigs.mre.model.fit_estimates import estimates_of, impossible
 from pipeline.rigs.mre.model.loop import Loop
+from pipeline.rigs.mre.model.loop_noise import level_variance
 from pipeline.rigs.mre.model.many import conditions_of, in_a_row, standing_for, widened
 from pipeline.rigs.mre.model.variants import NEGLIGIBLE, REJECTED_BEYOND, compare_variants, rms_force
 from pipeline.rigs.mre.pads import group_levels
@@ -223,7 +224,8 @@ def _finished(
     if rejected:
         errors = errors_of_wrong_model(jacobian, fit.residual, groups, fit.dof)
     else:
-        errors = errors_with_scatter(jacobian, V, scatter, factor, held)
+        levels = np.tile(np.concatenate([level_variance(loop)[loop.kept] for loop in model.loops]), 2)
+        errors = errors_with_scatter(jacobian, V, scatter, factor, held, levels)
     if len(model.loops) > MANY:
         _, condition = np.unique(conditions_of(model.loops, model.layout.labels), axis=0, return_inverse=True)
         together = (np.arange(len(model.loops)), condition.ravel(), in_a_row(len(model.loops)))

@@ -6,7 +6,7 @@ No model of the material here, and no decision which part of a record is steady.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -38,6 +38,8 @@ class Loop:
     sd_x, sd_f
         Standard deviation of the real and of the imaginary part of each, from the residual's level
         around that harmonic; shapes (N_X,) and (N_F,).
+    level_u_x, level_u_f
+        Relative standard errors of their squares: the levels are estimates.
     kept
         Which force harmonics are data, (N_F,): False next to a multiple of the mains frequency and
         above 0.45 times the sampling rate (F is zero there).
@@ -64,6 +66,8 @@ class Loop:
     duration: float
     current: float | None = None
     preload: float | None = None
+    level_u_x: np.ndarray = field(default_factory=lambda: np.zeros(N_X))
+    level_u_f: np.ndarray = field(default_factory=lambda: np.zeros(N_F))
 
     @property
     def omega(self) -> float:
@@ -155,6 +159,7 @@ def fit_loop(
         x = fit_harmonics(time, displacement, f, range(1, n_x + 1), drift)
 
     orders = np.arange(1, N_F + 1)
+    sd_x, level_u_x = _noise(time, x, np.arange(1, N_X + 1))
     near, lines = np.zeros(N_F, dtype=bool), np.zeros(0)
     if mains > 0:
         near = near_mains(f * orders, duration, mains)
@@ -163,6 +168,7 @@ def fit_loop(
         lines = multiples[clear & (multiples < 0.45 * rate)]
     F = fit_harmonics(time, force, f, [*range(1, n_f + 1), *(lines / f)], drift)
 
+    sd_f, level_u_f = _noise(time, F, orders)
     X_h, F_h = np.zeros(N_X, dtype=complex), np.zeros(N_F, dtype=complex)
     X_h[:n_x], F_h[:n_f] = x.coefficients, F.coefficients[:n_f]
     return Loop(
@@ -170,8 +176,8 @@ def fit_loop(
         frequency=f,
         X=X_h,
         F=F_h,
-        sd_x=np.where(np.arange(1, N_X + 1) <= n_x, _noise(time, x, np.arange(1, N_X + 1)), 0.0),
-        sd_f=_noise(time, F, orders),
+        sd_x=np.where(np.arange(1, N_X + 1) <= n_x, sd_x, 0.0),
+        sd_f=sd_f,
         kept=~near & (orders <= n_f),
         x_mean=x.offset,
         f_mean=F.offset,
@@ -181,6 +187,8 @@ def fit_loop(
         duration=duration,
         current=current,
         preload=preload,
+        level_u_x=level_u_x,
+        level_u_f=level_u_f,
     )
 
 
@@ -195,11 +203,11 @@ def _more_harmonics(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> b
     for i in range(orders.size):
         carried *= turn
         lines[i] = 2 * abs(carried.sum()) / fit.n
-    return bool(np.any(lines > 5 * _noise(time, fit, orders)))
+    return bool(np.any(lines > 5 * _noise(time, fit, orders)[0]))
 
 
-def _noise(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> np.ndarray:
-    """Return the standard deviation of the real (and imaginary) part of each harmonic, shape of `orders`.
+def _noise(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the standard deviation of the real (and imaginary) part of each harmonic, and the relative one of its square.
 
     White residuals give sigma sqrt(2/n). A coloured residual is worse at some harmonics, most at low ones: the level is
     that of the residual's periodogram there, from the nearest bins that the regression has not emptied, more of them the
@@ -221,14 +229,21 @@ def _noise(time: np.ndarray, fit: HarmonicFit, orders: np.ndarray) -> np.ndarray
     count = np.clip(at * (_BAND - 1 / _BAND) / resolution, _FEWEST_BINS, _MOST_BINS) * resolution / spacing
     count = np.round(count).astype(int)
     if power.size < 2 * count.max():
-        return np.full(orders.size, white / math.sqrt(fit.effective_fraction))
+        many = max(fit.effective_fraction * fit.n, 1.0)
+        return np.full(orders.size, white / math.sqrt(fit.effective_fraction)), np.full(
+            orders.size, math.sqrt(2 / many)
+        )
     first = np.clip(np.searchsorted(bins, at) - count // 2, 0, power.size - count)
     windows = [slice(start, start + n) for start, n in zip(first, count, strict=True)]
-    return np.sqrt([_level(bins[w], power[w], f) for w, f in zip(windows, at, strict=True)])
+    levels = np.array([_level(bins[w], power[w], f) for w, f in zip(windows, at, strict=True)])
+    # The zeros behind put several ordinates where one is independent.
+    return np.sqrt(levels[:, 0]), levels[:, 1] * math.sqrt(resolution / spacing)
 
 
-def _level(frequency: np.ndarray, power: np.ndarray, at: float) -> float:
-    """Return the level of a periodogram at a frequency: its mean, or a quadratic of logarithms where the bins reach further.
+def _level(frequency: np.ndarray, power: np.ndarray, at: float) -> tuple[float, float]:
+    """Return the level of a periodogram at a frequency, and its relative error if the ordinates are independent.
+
+    The level is their mean, or a quadratic of logarithms where the bins reach further.
 
     At the knee of a filtered noise a mean, or a straight power law, is 15 to 25 % off in variance. Periodogram ordinates are
     exponentially distributed about the level: a gamma regression with a logarithmic link, whose Fisher scoring is ordinary
@@ -236,7 +251,7 @@ def _level(frequency: np.ndarray, power: np.ndarray, at: float) -> float:
     """
     mean = float(power.mean())
     if frequency[-1] < _FAR * max(frequency[0], 1e-300) or not mean > 0:
-        return mean
+        return mean, 1 / math.sqrt(power.size)
     x = np.log(frequency / at)
     A = np.column_stack([np.ones(x.size), x, x**2])
     solve = np.linalg.pinv(A)
@@ -245,4 +260,6 @@ def _level(frequency: np.ndarray, power: np.ndarray, at: float) -> float:
         eta = A @ found
         found = solve @ (eta + power * np.exp(-eta) - 1)
     level = math.exp(min(found[0], 700.0))
-    return level if mean / _BENT < level < mean * _BENT else mean
+    if not mean / _BENT < level < mean * _BENT:
+        return mean, 1.0
+    return level, float(np.linalg.norm(solve[0]))

@@ -26,6 +26,16 @@ def effective_sd(loop: Loop) -> np.ndarray:
     return sd
 
 
+def level_variance(loop: Loop) -> np.ndarray:
+    """Return the relative variance of the square of `effective_sd`: noise levels are estimates, (N_F,)."""
+    force, motion = loop.sd_f**2, np.zeros(loop.sd_f.size)
+    motion[:N_X] = (abs(loop.F[0] / loop.X[0]) * loop.sd_x) ** 2
+    moved = np.zeros(motion.size)
+    moved[:N_X] = motion[:N_X] * loop.level_u_x
+    total = np.maximum(force + motion, 1e-300)
+    return np.asarray(((force * loop.level_u_f) ** 2 + moved**2) / total**2)
+
+
 def independent(loops: Sequence[Loop]) -> tuple[np.ndarray, ...]:
     """Return the whitening matrix of each run for independent rows of `effective_sd`.
 
