@@ -112,13 +112,17 @@ def fit_field(record: Record) -> FieldFit | None:
         return None
     current, direction, flux = record.level[there], record.direction[there], means.mean[there]
     slope = float(np.ptp(flux)) / max(float(np.ptp(current)), 1e-9)
-    white = (means.spread**2 / np.maximum(means.count, 1))[there] + (slope * record.level_error[there]) ** 2
+    own = (means.spread**2 / np.maximum(means.count, 1))[there]
+    white = own + (slope * record.level_error[there]) ** 2
     ways = [key for key, sign in (("b_up", 1), ("b_down", -1)) if (direction == sign).sum() >= 2]
     sd = np.sqrt(white)
     for _ in range(3):
         fit, straight = _fit(current, direction, flux, sd, ways)
         spare = max(current.size - len(ways) - 3, 1)
         rest = fit.residual * sd
+        # An error of the current moves B by the slope of the law there: not at all where it is saturated.
+        slope_there = fit.c[0] * local_slope(current / math.exp(fit.q[0]), 1 / float(fit.q[1]))
+        white = own + (slope_there * record.level_error[there]) ** 2
         scatter2 = max(float((rest**2).sum()) / spare - float(white.mean()), 0.0)
         sd = np.sqrt(white + scatter2)
     fit, straight = _fit(current, direction, flux, sd, ways)
