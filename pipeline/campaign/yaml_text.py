@@ -46,6 +46,11 @@ def load(path: Path) -> CommentedMap:
         raise InputError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8.") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
+    return loads(text, path)
+
+
+def loads(text: str, path: Path | str) -> CommentedMap:
+    """Read the text of a YAML file as `load` does; `path` is its place for messages."""
     try:
         _refuse_shape(text, path)
         content = YAML(typ="rt").load(text)
@@ -64,7 +69,7 @@ def load(path: Path) -> CommentedMap:
     return content
 
 
-def _refuse_shape(text: str, path: Path) -> None:
+def _refuse_shape(text: str, path: Path | str) -> None:
     """Refuse nesting and numbers of values that no recipe has; loading would recurse into them or take minutes."""
     depth = 0
     for count, event in enumerate(YAML(typ="rt").parse(text)):
@@ -87,7 +92,7 @@ def _refuse_shape(text: str, path: Path) -> None:
             )
 
 
-def _refuse_unfolding(content: CommentedMap, path: Path) -> None:
+def _refuse_unfolding(content: CommentedMap, path: Path | str) -> None:
     """Refuse aliases that repeat each other into very many values, or contain themselves, and numbers like .nan."""
     count = 0
     stack: list[tuple[Any, tuple[str | int, ...]]] = [(content, ())]

@@ -246,6 +246,26 @@ def export(campaign: str, form: str, out: Path | None) -> None:
 
 
 @rigfit.command()
+@click.argument("before")
+@click.argument("after", default="workspace")
+@click.option("--out", "-o", type=PATH, help="Page to write; reports/comparison.html of the project by default.")
+def compare(before: str, after: str, out: Path | None) -> None:
+    """Hold findings against earlier or other ones of the same experiment.
+
+    BEFORE and AFTER each are a campaign of this project, a findings.json or its folder, or a revision: what 'git log' or
+    'dvc exp show' list, REV:CAMPAIGN for one campaign of it; 'workspace' are the files as they lie here.
+
+    
+    Examples:  rigfit compare HEAD~1                         all campaigns, then and now
+               rigfit compare main:sample-b my-experiment:sample-b
+               rigfit compare sample-a sample-b              two campaigns of one experiment
+    """
+    from pipeline.cli import comparing
+
+    comparing.compare(before, after, out)
+
+
+@rigfit.command()
 @click.argument("campaign")
 @click.option("--json", "as_json", is_flag=True, help="Print it as JSON, in SI.")
 def advise(campaign: str, as_json: bool) -> None:

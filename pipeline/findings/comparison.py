@@ -216,7 +216,12 @@ def _quality(before: Sequence[Quality], after: Sequence[Quality]) -> tuple[list[
 
 
 def _said(quality: Quality) -> Hashable:
-    return quality.level, quality.run, quality.channel, _NUMBER.sub("#", quality.message)
+    return quality.level, quality.run, quality.channel, without_numbers(quality.message)
+
+
+def without_numbers(sentence: str) -> str:
+    """Return a sentence with a sign for every number, so that the same sentence of other numbers is the same."""
+    return _NUMBER.sub("#", sentence)
 
 
 def _beyond(quality: Sequence[Quality], known: Counter[Hashable]) -> list[Quality]:

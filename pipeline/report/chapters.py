@@ -128,6 +128,7 @@ class Numbers:
         self.figures, self.tables = count(1), count(1)
 
     def given(self, blocks: Iterable[Block | Figure]) -> Iterator[Block]:
+        """Yield the blocks with their numbers; figures are drawn."""
         for block in blocks:
             if isinstance(block, Figure):
                 yield figure_view(block, next(self.figures))
