@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from markupsafe import Markup, escape
@@ -22,6 +22,7 @@ from pipeline.report.panel import Frame, draw_panel, draw_thumbnail, drawing, ti
 from pipeline.report.scale import Scale, equal, extent, scale, unit_for
 from pipeline.report.texts import room_over
 from pipeline.report.words import clean, text_width
+from pipeline.report.zoom import Signal, signals
 
 _MOST_COLUMNS = 4
 _MOST_PANELS = 60  # of one figure; more are the experiment's to sum up
@@ -63,6 +64,7 @@ class FigureView:
     key: Markup
     grids: Sequence[tuple[str, Sequence[Markup]]]
     breaks: bool
+    signals: Sequence[Signal] = field(default=(), compare=False, repr=False)
 
 
 def figure_view(figure: Figure, number: int) -> FigureView:
@@ -79,9 +81,11 @@ def figure_view(figure: Figure, number: int) -> FigureView:
     columns = max(1, min(figure.columns, len(figure.panels), _MOST_COLUMNS))
     scales = _scales(figure)
     grids = []
+    widest = 0.0
     with drawing():
         for shape in _SHAPES[columns]:
             frames = _frames(figure, scales, columns, shape)
+            widest = max([widest, *(frame.inner[0] for frame in frames)])
             drawn = []
             for place, (panel, (x, y), frame) in enumerate(zip(figure.panels, scales, frames, strict=True)):
                 if panel.equal and not x.log and not y.log:
@@ -92,6 +96,7 @@ def figure_view(figure: Figure, number: int) -> FigureView:
     return FigureView(
         number, figure.name, clean(figure.title), clean(figure.caption), _alt(figure), columns,
         key_markup(keys(figure, columns)), grids, len(figure.panels) > _WHOLE_ON_A_PAGE,
+        signals(figure, number, scales, widest),
     )  # fmt: skip
 
 

@@ -51,17 +51,12 @@ def draw_marks(axes: Axes, marks: Sequence[Mark], x: Scale, y: Scale, inner: tup
     font
         Size of texts in pixels; 0 leaves them away.
     """
-    has_model = any(isinstance(mark, Line) and mark.role == "model" for mark in marks)
     narrowest = _narrowest([mark for mark in marks if isinstance(mark, Stems)], x, inner[0])
-    for order, mark in enumerate(marks):
-        z = _Z.get(type(mark).__name__, 0.0) + 0.001 * order
-        if isinstance(mark, Line | Points):
-            z += _Z_ROLE.get(str(mark.role), 0.0)
+    for mark, z, below in zip(marks, layers(marks), under_a_model(marks), strict=True):
         if isinstance(mark, Line):
-            _line(axes, mark, x, y, inner[0], z, below=has_model and mark.role == "measured")
+            _line(axes, mark, x, y, inner[0], z, below)
         elif isinstance(mark, Points):
-            below = has_model and mark.role == "measured" and mark.low is None
-            _points(axes, mark, x, y, z - (1.0 if below else 0.0), below)
+            _points(axes, mark, x, y, z, below)
         elif isinstance(mark, Outline):
             _outline(axes, mark, x, y, z)
         elif isinstance(mark, Stems):
@@ -72,6 +67,26 @@ def draw_marks(axes: Axes, marks: Sequence[Mark], x: Scale, y: Scale, inner: tup
             _rule(axes, mark, x, y, z)
     if font:
         write_texts(axes, marks, x, y, inner, font)
+
+
+def under_a_model(marks: Sequence[Mark]) -> list[bool]:
+    """Tell of each mark whether it is measured and a model is drawn over it: then it is drawn broad and pale."""
+    has_model = any(isinstance(mark, Line) and mark.role == "model" for mark in marks)
+    return [
+        has_model and (isinstance(mark, Line) or (isinstance(mark, Points) and mark.low is None)) and mark.role == "measured"
+        for mark in marks
+    ]  # fmt: skip
+
+
+def layers(marks: Sequence[Mark]) -> list[float]:
+    """Return how high each mark lies over the others."""
+    heights = []
+    for order, (mark, below) in enumerate(zip(marks, under_a_model(marks), strict=True)):
+        z = _Z.get(type(mark).__name__, 0.0) + 0.001 * order
+        if isinstance(mark, Line | Points):
+            z += _Z_ROLE.get(str(mark.role), 0.0)
+        heights.append(z - 1.0 if below and isinstance(mark, Points) else z)
+    return heights
 
 
 def thinned(x: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
@@ -87,8 +102,8 @@ def thinned(x: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarray, np.nda
     if x.size <= most:
         return x, y
     stretch = -(-2 * x.size // most)
-    count = x.size // stretch
-    rows = y[: count * stretch].reshape(count, stretch)
+    count = -(-x.size // stretch)
+    rows = np.pad(y, (0, count * stretch - x.size), mode="edge").reshape(count, stretch)
     start = np.arange(count) * stretch
     gap = ~np.isfinite(rows)
     low = start + np.where(gap, np.inf, rows).argmin(axis=1)

@@ -14,11 +14,13 @@ from markupsafe import Markup
 from pipeline.errors import counted
 from pipeline.findings import Findings
 from pipeline.report.accounts import quality_counts
-from pipeline.report.chapters import chapters
+from pipeline.report.chapters import Chapter, chapters
 from pipeline.report.citation import citation
+from pipeline.report.figure import FigureView
 from pipeline.report.gathered import told
 from pipeline.report.palette import css_variables
 from pipeline.report.words import clean, harmless, shortened
+from pipeline.report.zoom import Zoom, zoom
 from pipeline.rigs.experiment import Experiment
 
 if TYPE_CHECKING:
@@ -48,8 +50,12 @@ def render_report(findings: Findings, experiment: Experiment, title: str, comman
     command
         What was typed to get here, shown for whoever repeats it.
     """
+    made = chapters(findings, experiment, command)
+    long = _long_signals(made)
     return page(
         "report.html.j2",
+        long.scripts,
+        long.styles,
         title=title or experiment.title,
         logs=_logs(findings),
         findings=findings,
@@ -58,18 +64,25 @@ def render_report(findings: Findings, experiment: Experiment, title: str, comman
         verdict=VERDICTS[findings.verdict],
         reasons=told(findings.reasons, (run.run for run in findings.runs)),
         facts=_facts(findings),
-        chapters=chapters(findings, experiment, command),
+        chapters=made,
+        zoom=long.data,
     )
 
 
-def page(template: str, scripts: Sequence[str] = (), **content: Any) -> str:
-    """Render a template with the style sheet of all pages, and `scripts` inlined; the page runs no other ones."""
+def _long_signals(made: Sequence[Chapter]) -> Zoom:
+    views = [view for chapter in made for view in chapter.blocks if isinstance(view, FigureView)]
+    drawn = sum(len(drawing) for view in views for _, grid in view.grids for drawing in grid)
+    return zoom((signal for view in views for signal in view.signals), drawn)
+
+
+def page(template: str, scripts: Sequence[str] = (), styles: Sequence[str] = (), **content: Any) -> str:
+    """Render a template with the style sheet of all pages, `styles` and `scripts` inlined; the page runs no other ones."""
     allowed = " ".join(f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts)
     return (
         _environment()
         .get_template(template)
         .render(
-            style=_style(),
+            style=Markup("\n").join([*map(Markup, styles), _style()]),
             scripts=[Markup(script) for script in scripts],
             script_source=Markup(allowed or "'none'"),
             **content,
