@@ -1,9 +1,11 @@
 """Coverage of `tire.bench`: seven runs of 10 s of a bench whose gauges are off and which does not repeat itself.
 
-The truth of a run's own numbers (peak, dips, lengths) is the noise-free waveform at its own pressure and gain; of the
-calibration the quadratic through the true peaks at the campaign's loads. Not compared: `pvdf_nrmse` and `packet_loss` describe
-a log and have no interval. The bound of the ring's numbers takes scatter, gauges and priors as they are and the coloured noise as
-none. The calibration has two degrees of freedom: Student's intervals hold, while error over standard error spreads by more than 1.
+The truth of a run's own numbers (peak, dips, lengths) is the noise-free waveform at its own pressure and gain; R0 that of the
+middle of the run; of the calibration the quadratic through the true peaks at the campaign's loads. Not compared: `pvdf_nrmse` and
+`packet_loss` describe a log and have no interval. The bound of the ring's numbers takes scatter, gauges and priors as they are and
+the coloured noise as none. Wide on purpose: the loss factor and the tangential foundation carry a rotation that is uneven within
+the turn by 1e-4 at 10 km/h (drum, imbalance), which would pass for loss; these wheels turn evenly, and no run can tell. The
+peaks' errors hold that a wave of the load which runs in step with the drum may repeat from turn to turn; here it averages out.
 """
 
 from __future__ import annotations
