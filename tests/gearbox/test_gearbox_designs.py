@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import pytest
 
 from benchmarks.coverage.studies.gearbox_load_exchange import Truth
+from pipeline.estimation.uncertainty import t_quantile
 from pipeline.findings import Findings
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.gearbox.declaration import LoadExchangeSettings
@@ -32,13 +34,15 @@ def one_of_all_runs(findings: Findings, name: str) -> Any:
 
 
 def off(findings: Findings, truth: Truth, *names: str) -> list[str]:
-    """Return the numbers that lie more than three standard errors and one and a half intervals off."""
+    """Return the numbers that lie farther off than one in a thousand does, by the degrees of freedom of its own interval."""
     found = []
     for p in findings.parameters:
         if p.name not in names or p.value is None or p.ci95 is None or (true := truth.of(p)) is None:
             continue
-        half = 0.5 * (p.ci95[1] - p.ci95[0])
-        if abs(p.value - true) > max(3.0 * (p.std_error or 0.0), 1.5 * half):
+        error = p.std_error or 0.0
+        ratio = 0.5 * (p.ci95[1] - p.ci95[0]) / error
+        dof = next((dof for dof in range(1, 200) if t_quantile(dof) <= ratio), math.inf)
+        if abs(p.value - true) > t_quantile(dof, 0.999) * error:
             found.append(f"{p.name} {p.at}: {p.value} +- {p.std_error}, truth {true}")
     return found
 

@@ -58,7 +58,7 @@ def test_a_zero_read_at_both_ends_leaves_no_drift_open():
 
 
 def test_sound_runs_show_no_drift():
-    for seed in range(4):
+    for seed in range(2):
         assert told(found(seed)) == {}
 
 

@@ -50,7 +50,9 @@ def test_the_error_of_a_break_covers_drifting_noise():
 
 
 # Twice the droop is twice the lag; a brake three times as slow.
-@pytest.mark.parametrize("rig", [{}, {"k_d": 0.8}, {"k_d": 0.1}, {"brake_rise": 0.45}])
+@pytest.mark.parametrize(
+    "rig", [{}, {"k_d": 0.8}, pytest.param({"k_d": 0.1}, marks=pytest.mark.thorough), {"brake_rise": 0.45}]
+)
 def test_events_of_rigs_with_other_lags_lie_within_their_errors(rig):
     options = {**rig, "runs": ["g3", "g7"], "vibration": False}
     for seed in (0, 1):

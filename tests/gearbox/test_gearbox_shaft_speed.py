@@ -57,7 +57,7 @@ def test_a_speed_in_another_unit_is_named_without_a_nominal_speed(run, factor, u
     assert f"the speed is in {unit} and not in rad/s" in refused(with_speed(log(run, False), factor))
 
 
-@pytest.mark.parametrize("run", RUNS)
+@pytest.mark.parametrize("run", FEW_RUNS)
 def test_a_sound_encoder_is_left_alone(run):
     numbers = numbers_of(record_of(log(run, True)))
     assert by_ripple(numbers.run, numbers.torques.steady).factor == 1.0

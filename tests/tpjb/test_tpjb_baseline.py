@@ -26,9 +26,10 @@ def logs(seed: int, **truth: Any) -> list[Recording]:
     return unstated(synthesize(truth, seed))
 
 
-def test_mass_and_stiffness_come_back_as_well_as_the_sheet_says_and_intervals_hold() -> None:
+@pytest.mark.parametrize("campaigns", [10, pytest.param(30, marks=pytest.mark.thorough)])
+def test_mass_and_stiffness_come_back_as_well_as_the_sheet_says_and_intervals_hold(campaigns: int) -> None:
     errors = []
-    for seed in range(30):
+    for seed in range(campaigns):
         findings = found_in(logs(seed))
         assert findings.verdict == "ok"
         mass, stiffness = findings.one("stator_mass"), findings.one("stabilizer_stiffness")

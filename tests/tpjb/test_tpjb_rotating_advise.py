@@ -14,7 +14,12 @@ from pipeline.rigs.tpjb.rotating.models import M5
 from pipeline.rigs.tpjb.rotating.record import record_of
 
 QUADRATIC = {"kxx2", "kxy2", "kyx2", "kyy2"}
-CASES = {"one ratio": ("A6", {}, "4pad-L2"), "no dwell": ("A5", {"no_dwell": True}, "4pad-L1")}
+CASES = {
+    "one ratio": ("A6", {}, "4pad-L2"),
+    "no dwell": ("A5", {"no_dwell": True}, "4pad-L1"),
+    "linear": ("A7", {}, "4pad-L2"),
+}
+NULL = {"one ratio": set(), "no dwell": QUADRATIC, "linear": QUADRATIC}
 
 
 def joined(base: str, kw: dict, bearing: str, ratio: float, seed: int) -> ModelFit:
@@ -27,11 +32,11 @@ def test_the_proposed_run_shrinks_the_standard_errors_as_predicted(case):
     base, kw, bearing = CASES[case]
     best = ROTATING.advise(found(logs(base, **kw))).proposals[0]
     fits = [joined(base, kw, bearing, best.conditions["load_ratio"], seed) for seed in (100, 101, 102)]
-    assert {s.name for s in best.shrinks} >= {"kxx", "kyy", "linear_limit", *QUADRATIC}
+    assert {s.name for s in best.shrinks} >= {"kxx", "kyy", *QUADRATIC}
     for one in best.shrinks:
         if one.name != "linear_limit":
             assert np.mean([fit.estimates[one.name].std_error for fit in fits]) == pytest.approx(one.then, rel=0.2)
-        assert (one.now is None) == (case == "no dwell" and one.name in QUADRATIC)
+        assert (one.now is None) == (one.name in NULL[case])
         assert one.factor is None or one.factor > 1
 
 

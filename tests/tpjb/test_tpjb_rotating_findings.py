@@ -22,12 +22,12 @@ FOUR = [(40e3, "4pad-L1", "M5", 1e-3, 0.1429), (80e3, "4pad-L2", "M5", 1e-3, 0.1
 FIVE = [(48e3, "5pad-L3", "M6", 1e-3, 0.1341), (80e3, "5pad-L2", "M2", 5e-3, None)]
 
 
-@pytest.fixture(scope="module", params=[1, 4])
+@pytest.fixture(scope="module", params=[1, pytest.param(4, marks=pytest.mark.thorough)])
 def four(request: pytest.FixtureRequest) -> Findings:
     return found(unstated(synthesize({"campaign": "4pad"}, request.param)))
 
 
-@pytest.fixture(scope="module", params=[1, 5])
+@pytest.fixture(scope="module", params=[1, pytest.param(5, marks=pytest.mark.thorough)])
 def five(request: pytest.FixtureRequest) -> Findings:
     return found(unstated(synthesize({"campaign": "5pad"}, request.param)))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Settings
+from pipeline.rigs.tpjb.baseline.equations import EQUATIONS
 from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, OPERATING, channels
 
 
@@ -33,6 +34,7 @@ BASELINE = Experiment(
     channels=channels("force_u", "force_v"),
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=BaselineSettings,
     identify=Later("pipeline.rigs.tpjb.baseline.identify:identify"),
     synthesize=Later("pipeline.rigs.tpjb.baseline.synthetic:synthesize"),

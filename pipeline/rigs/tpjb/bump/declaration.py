@@ -8,6 +8,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
+from pipeline.rigs.tpjb.bump.equations import EQUATIONS
 from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, OPERATING, channels
 
 
@@ -73,6 +74,7 @@ BUMP = Experiment(
     channels=channels("force_u", "force_v"),
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=BumpSettings,
     identify=Later("pipeline.rigs.tpjb.bump.identify:identify"),
     synthesize=Later("pipeline.rigs.tpjb.bump.synthetic:synthesize"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
+from pipeline.rigs.tpjb.dynamic.equations import EQUATIONS
 from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, OPERATING, channels
 
 
@@ -84,6 +85,7 @@ DYNAMIC = Experiment(
     channels=channels("force_u", "force_v"),
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=DynamicSettings,
     identify=Later("pipeline.rigs.tpjb.dynamic.identify:identify"),
     synthesize=Later("pipeline.rigs.tpjb.dynamic.synthetic:synthesize"),

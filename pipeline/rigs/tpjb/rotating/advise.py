@@ -58,8 +58,8 @@ class _State:
         """Return the derivatives of every parameter by the free coefficients."""
         rows = dict(zip(COEFFICIENTS, self.law.matrix, strict=True))
         told = {name: dict(zip(self.law.free, row.tolist(), strict=True)) for name, row in rows.items() if row.any()}
-        limit = self._limit(self.theta)
-        if math.isfinite(limit):
+        # Linear orbits do not show where the limit lies, and so not how well it will be known.
+        if not self.design["linear"] and math.isfinite(self._limit(self.theta)):
             slopes = {}
             for j, free in enumerate(self.law.free):
                 step = _STEP * self.law.scale[j] * np.eye(self.theta.size)[j]

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
 from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, OPERATING, channels
+from pipeline.rigs.tpjb.rotating.equations import EQUATIONS
 
 
 class RotatingSettings(Settings):
@@ -70,6 +71,7 @@ ROTATING = Experiment(
     channels=channels("force_u", "force_v"),
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=RotatingSettings,
     identify=Later("pipeline.rigs.tpjb.rotating.identify:identify"),
     synthesize=Later("pipeline.rigs.tpjb.rotating.synthetic:synthesize"),

@@ -24,11 +24,11 @@ def design_tables(groups: Sequence[LoadGroup]) -> dict[str, pd.DataFrame]:
         trusted = group.trusted
         if trusted is None or not trusted.static_load:
             continue
-        fit = trusted.selected
+        fit = _planned_from(trusted)
         planned = M5 if fit.model.is_linear else fit.model
         theta = np.array([fit.p[COEFFICIENTS.index(name)] for name in M5.free]) if planned is M5 else fit.theta
         known, inflation = _known(fit, planned, theta)
-        rows.append(_row(trusted, planned, inflation))
+        rows.append(_row(trusted, fit, planned, inflation))
         laws.append(pd.DataFrame({"group": group.label, "name": planned.free, "value": theta}))
         a, b = np.indices(known.matrix.shape)
         names = np.array(planned.free)
@@ -48,6 +48,20 @@ def design_tables(groups: Sequence[LoadGroup]) -> dict[str, pd.DataFrame]:
     }
 
 
+def _planned_from(group: LoadGroup) -> ModelFit:
+    """Return the fit to plan with: of a linear law the quadratic one beside it, where its terms are known well enough.
+
+    The linear residual holds what quadratic terms move, which is no noise of the next run; and how far that one moves, and
+    so tells, depends on them. Well enough: better than where stiffness would be in proportion to load, kyy2 = kyy^2/(2 W).
+    """
+    fit, quadratic = group.selected, group.comparison.fits.get(M5.name)
+    if not fit.model.is_linear or quadratic is None:
+        return fit
+    least = 0.5 * float(np.abs(fit.p[:4]).max()) ** 2 / float(group.static_load or math.nan)
+    errors = [quadratic.estimates[name].std_error for name in M5.free[4:]]
+    return quadratic if all(error is not None and error < least for error in errors) else fit
+
+
 def _known(fit: ModelFit, planned: Model, theta: np.ndarray) -> tuple[Information, float]:
     """Return what the runs tell, and by how much (variances) the fit's errors exceed those of noise alone."""
     parts = [
@@ -63,8 +77,8 @@ def _known(fit: ModelFit, planned: Model, theta: np.ndarray) -> tuple[Informatio
     return found, float(np.median(told)) ** 2 if told else 1.0
 
 
-def _row(group: LoadGroup, planned: Model, inflation: float) -> dict[str, float | str | bool]:
-    fit, record = group.selected, group.highest.record
+def _row(group: LoadGroup, fit: ModelFit, planned: Model, inflation: float) -> dict[str, float | str | bool]:
+    record = group.highest.record
     motion = np.sqrt(np.mean([(n.sigma * low) ** 2 for n, low in zip(fit.noises, fit.low_sigma, strict=True)], axis=0))
     speed = group.at.get("shaft_speed")
     return {
@@ -73,7 +87,7 @@ def _row(group: LoadGroup, planned: Model, inflation: float) -> dict[str, float 
         "static_load": float(group.static_load or math.nan),
         "shaft_speed": float(speed) if isinstance(speed, int | float) else math.nan,
         "law": planned.name,
-        "linear": fit.model.is_linear,
+        "linear": group.selected.model.is_linear,
         "largest_ratio": record.ratio or math.nan,
         "dwell": all(turns.record.rotation.has_dwell for turns in group.runs),
         "clearance": clearance_of(group) or math.nan,
