@@ -2,6 +2,9 @@
 
 The online filter is switched off, since it tells no parameters. A gain error of a record cannot be seen in it and has no part
 here: it scales stiffnesses and forces as they are, and is for the calibration to tell.
+
+With a field the lag of the force acts as the field's own damping does, but for how it goes with the frequency: 30 s leave it open by
+more than its size in most campaigns. It is not told then, and the verdict is a warning for that reason.
 """
 
 from __future__ import annotations
