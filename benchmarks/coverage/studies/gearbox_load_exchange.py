@@ -5,6 +5,13 @@ tones and of the white noise in a steady stage. Not compared: slopes and interce
 steady levels, where the drag changes and which are no parameters of the box; vibration of stages that are not steady.
 There is no bound: levels, peaks and events are no parameters of a likelihood. Steady stretches are short for an error from
 the autocorrelation, so that error over standard error has Student's spread, more than 1.
+
+Peaks of the brake, relief and residual hold the truth more often than 95 times in 100 with a spread of 1: ripple of a phase that
+nobody knows rules their error, and no wave is off by more than its amplitude. What noise adds to a maximum is in the interval of
+a peak and not taken off its value: that is the bias of the start-up's. The slope of the torque map, slip torque and its
+line carry 0.5 % for shafts that the brake slows during the rise, a model error that this rig shows with the same sign in every
+run (bias, and a spread below 1). c0, c_S and b0 have tails: where the noise of six speeds draws w_S far off, the curve's linear
+errors come out up to half as large as they are elsewhere, and the values lie off by up to four of them.
 """
 
 from __future__ import annotations
