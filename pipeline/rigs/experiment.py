@@ -132,6 +132,15 @@ class ParameterSpec:
 
 
 @dataclass(frozen=True)
+class Equation:
+    """An equation of an experiment's model: LaTeX, what it says, where it stands in the source."""
+
+    latex: str
+    about: str
+    source: str = ""
+
+
+@dataclass(frozen=True)
 class Reference:
     """A source to cite, also as BibTeX."""
 
@@ -260,6 +269,8 @@ class Experiment:
     advise
         ``advise(findings)`` proposes the runs that would tell most beside those that the findings rest on, from parameters and
         arrays alone, for `rigfit advise`. None where the experiment cannot.
+    equations
+        The model, as the report and the experiment's page in the documentation show it.
     """
 
     id: str
@@ -280,6 +291,7 @@ class Experiment:
     builds_on: Sequence[str] = ()
     reads_blocks: bool = False
     advise: Callable[[Findings], Advice] | None = None
+    equations: Sequence[Equation] = ()
 
     @property
     def rig(self) -> str:

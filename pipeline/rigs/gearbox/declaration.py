@@ -17,6 +17,7 @@ from pipeline.rigs.experiment import (
     Reference,
     Settings,
 )
+from pipeline.rigs.gearbox.equations import EQUATIONS
 
 
 class LoadExchangeSettings(Settings):
@@ -178,6 +179,7 @@ LOAD_EXCHANGE = Experiment(
     channels=CHANNELS,
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=LoadExchangeSettings,
     identify=Later("pipeline.rigs.gearbox.identify:identify"),
     synthesize=Later("pipeline.rigs.gearbox.synthetic:synthesize"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Experiment, Later, ParameterSpec, Range, Settings
+from pipeline.rigs.mre.axial.equations import EQUATIONS
 from pipeline.rigs.mre.conditions import COIL_CURRENT, MICROMECHANICS, PRELOAD, SAMPLE
 from pipeline.rigs.mre.references import BRANCATI_2019, GENT_LINDLEY_1959, GOLUB_PEREYRA_1973, ISMAIL_2009
 
@@ -62,6 +63,7 @@ AXIAL = Experiment(
     channels=CHANNELS,
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=AxialSettings,
     identify=Later("pipeline.rigs.mre.axial.identify:identify"),
     synthesize=Later("pipeline.rigs.mre.axial.synthetic:synthesize"),

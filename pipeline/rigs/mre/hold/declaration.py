@@ -18,6 +18,7 @@ from pipeline.rigs.experiment import (
     Settings,
 )
 from pipeline.rigs.mre.conditions import MICROMECHANICS, PRELOAD, SAMPLE
+from pipeline.rigs.mre.hold.equations import EQUATIONS
 from pipeline.rigs.mre.references import BRANCATI_2019, GOLUB_PEREYRA_1973, KAUFMAN_1975
 
 HURVICH_TSAI_1989 = Reference(
@@ -115,6 +116,7 @@ HOLD = Experiment(
     channels=CHANNELS,
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=HoldSettings,
     identify=Later("pipeline.rigs.mre.hold.identify:identify"),
     synthesize=Later("pipeline.rigs.mre.hold.synthetic:synthesize"),

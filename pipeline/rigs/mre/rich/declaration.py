@@ -18,6 +18,7 @@ from pipeline.rigs.mre.references import (
     KAUFMAN_1975,
     NEWEY_WEST_1987,
 )
+from pipeline.rigs.mre.rich.equations import EQUATIONS
 from pipeline.rigs.mre.shear.declaration import CHANNELS, LAG, MASS
 from pipeline.rigs.mre.shear.declaration import CONDITIONS as OF_SHEAR
 from pipeline.rigs.mre.shear.declaration import PARAMETERS as OF_SHEAR_PARAMETERS
@@ -99,6 +100,7 @@ SHEAR_RICH = Experiment(
     channels=CHANNELS,
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=RichSettings,
     identify=Later("pipeline.rigs.mre.rich.identify:identify"),
     synthesize=Later("pipeline.rigs.mre.rich.synthetic:synthesize"),

@@ -20,6 +20,7 @@ from pipeline.rigs.mre.references import (
     NEWEY_WEST_1987,
     SCHWARZ_1978,
 )
+from pipeline.rigs.mre.shear.equations import EQUATIONS
 
 LAG, MASS, FREQUENCY = Range(-0.1, 0.1), Range(0, 1000), Range(0, 1e5, above=True)
 
@@ -112,6 +113,7 @@ SHEAR = Experiment(
     channels=CHANNELS,
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=ShearSettings,
     identify=Later("pipeline.rigs.mre.shear.identify:identify"),
     synthesize=Later("pipeline.rigs.mre.synthetic:synthesize_shear"),

@@ -10,6 +10,7 @@ from pydantic import Field
 from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Experiment, Later, ParameterSpec, Range, Settings
 from pipeline.rigs.mre.conditions import PRELOAD, SAMPLE
 from pipeline.rigs.mre.references import BRANCATI_2019, GOLUB_PEREYRA_1973, KAUFMAN_1975, SCHWARZ_1978
+from pipeline.rigs.mre.step.equations import EQUATIONS
 
 LAG = Range(-0.1, 0.1)
 
@@ -69,6 +70,7 @@ STEP = Experiment(
     channels=CHANNELS,
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=StepSettings,
     identify=Later("pipeline.rigs.mre.step.identify:identify"),
     synthesize=Later("pipeline.rigs.mre.step.synthetic:synthesize"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Experiment, Later, ParameterSpec, Range, Settings
+from pipeline.rigs.rap.cytotoxicity.equations import EQUATIONS
 from pipeline.rigs.rap.references import RAP_2019, SCHUIRMANN_1987
 
 OUTCOMES = ("viability", "necrosis", "apoptosis")
@@ -78,6 +79,7 @@ CYTOTOXICITY = Experiment(
     channels=CHANNELS,
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=CytotoxicitySettings,
     identify=Later("pipeline.rigs.rap.cytotoxicity.identify:identify"),
     synthesize=Later("pipeline.rigs.rap.synthetic.rig:synthesize_cytotoxicity"),

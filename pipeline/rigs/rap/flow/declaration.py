@@ -9,6 +9,7 @@ from pydantic import Field
 
 from pipeline.rigs.experiment import ConditionSpec, Experiment, Later, ParameterSpec, Settings
 from pipeline.rigs.rap.conditions import CONDITIONS, channels
+from pipeline.rigs.rap.flow.equations import EQUATIONS
 from pipeline.rigs.rap.references import RAP_2019
 
 
@@ -73,6 +74,7 @@ FLOW = Experiment(
     channels=channels(),
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=FlowSettings,
     identify=Later("pipeline.rigs.rap.flow.identify:identify"),
     synthesize=Later("pipeline.rigs.rap.synthetic.rig:synthesize_flow"),

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from pipeline.rigs.experiment import ConditionSpec, Experiment, Later, ParameterSpec, Settings
 from pipeline.rigs.rap.conditions import CONDITIONS, channels
+from pipeline.rigs.rap.pressures.equations import EQUATIONS
 from pipeline.rigs.rap.references import (
     BLAND_ALTMAN_1986,
     BLAND_ALTMAN_1999,
@@ -78,6 +79,7 @@ PRESSURES = Experiment(
     channels=channels(),
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=PressuresSettings,
     identify=Later("pipeline.rigs.rap.pressures.identify:identify"),
     synthesize=Later("pipeline.rigs.rap.synthetic.rig:synthesize_pressures"),

@@ -12,6 +12,7 @@ from pipeline.rigs.experiment import ConditionSpec, Experiment, Later, Parameter
 from pipeline.rigs.rap.alarms.limits import AlarmLimits, MismatchLimits
 from pipeline.rigs.rap.conditions import CONDITIONS, channels
 from pipeline.rigs.rap.references import KALMAN_1960, KNAPP_CARTER_1976, PAGE_1954, RAP_2019
+from pipeline.rigs.rap.therapy.equations import EQUATIONS
 
 
 class TherapySettings(Settings):
@@ -95,6 +96,7 @@ THERAPY = Experiment(
     channels=channels(),
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=TherapySettings,
     identify=Later("pipeline.rigs.rap.therapy.identify:identify"),
     synthesize=Later("pipeline.rigs.rap.synthetic.rig:synthesize_therapy"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Settings
+from pipeline.rigs.tire.bench.equations import EQUATIONS
 from pipeline.rigs.tire.conditions import CONDITIONS, OPERATING, channels
 from pipeline.rigs.tire.references import BRAUN_2011, BREGLIO_2019, FIELLER_1954, FYFE_MUNCK_1997, GONG_1993
 
@@ -80,6 +81,7 @@ BENCH = Experiment(
     channels=channels(),
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=BenchSettings,
     identify=Later("pipeline.rigs.tire.bench.identify:identify"),
     synthesize=Later("pipeline.rigs.tire.synthetic.rig:synthesize_bench"),

@@ -10,6 +10,7 @@ from pydantic import Field
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
 from pipeline.rigs.tire.conditions import CONDITIONS, OPERATING, channels
 from pipeline.rigs.tire.references import BREGLIO_2019, FYFE_MUNCK_1997, GONG_1993, KALMAN_1960
+from pipeline.rigs.tire.road.equations import EQUATIONS
 
 
 class RoadSettings(Settings):
@@ -65,6 +66,7 @@ ROAD = Experiment(
     channels=channels(),
     conditions=CONDITIONS,
     parameters=PARAMETERS,
+    equations=EQUATIONS,
     settings=RoadSettings,
     identify=Later("pipeline.rigs.tire.road.identify:identify"),
     synthesize=Later("pipeline.rigs.tire.synthetic.rig:synthesize_road"),
