@@ -25,7 +25,7 @@ from pipeline.report.spoken import spoken_title
 from pipeline.report.words import clean
 
 _TIMES = ("s", "min", "h")
-_CLEARLY_MORE = 2  # samples a pixel, where the axis is not time
+_MORE, _CLEARLY_MORE = 1.2, 2.0  # samples a pixel: over time, and over anything else
 _MOST = (20_000, 10_000, 5_000, 2_500)  # samples of a mark, the most for which the page has room
 _LARGEST_PAGE = 4_500_000  # bytes, drawings and signals
 _LARGEST = 1_500_000  # bytes, signals
@@ -87,7 +87,7 @@ def _hides_something(panel: Panel, width: float) -> bool:
     if any(not over_time or np.size(mark.x) > _MOST[-1] for mark in backward):  # those cannot be thinned
         return False
     long = [mark for mark in drawn if _rises(mark) and (over_time or isinstance(mark, Line))]
-    return max((np.size(mark.x) for mark in long), default=0) > width * (1 if over_time else _CLEARLY_MORE)
+    return max((np.size(mark.x) for mark in long), default=0) > width * (_MORE if over_time else _CLEARLY_MORE)
 
 
 def _rises(mark: _Drawn) -> bool:
