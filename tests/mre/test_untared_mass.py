@@ -9,7 +9,7 @@ from pipeline.rigs.mre.model.harmonic_fit import FitOptions, identify_loops
 from pipeline.rigs.mre.shear.untared_mass import MassDecision, weigh_mass
 from pipeline.rigs.mre.synthetic import ShearRun
 
-SEEDS = range(3)
+SEEDS = range(2)
 
 
 def decided(truth: dict[str, float], seed: int, mass: float, options: FitOptions | None = None) -> MassDecision:
