@@ -1,6 +1,7 @@
 # make reports   set up, synthesise the examples, run the pipeline
 # make test      set up, check style and types, run the tests
 # make test-thorough  the same with the tests that take seconds each
+# make docs      set up, build the documentation site into site/; a warning is an error
 # make benchmark set up, print the ratios of docs/performance.md
 # make coverage-study  do the intervals hold the truth? hours; writes the tables of docs/uncertainty.md
 PYTHON ?= python3
@@ -9,7 +10,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: the matrices are small, and two threads on two busy cores are slower than one.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: reports test tests test-thorough lint benchmark coverage-study schema setup clean
+.PHONY: reports test tests test-thorough lint docs benchmark coverage-study schema setup clean
 .DEFAULT_GOAL := reports
 
 $(VENV)/ready: requirements.txt pyproject.toml
@@ -35,13 +36,17 @@ lint: setup
 
 # The types are checked on one core while the tests begin on both.
 test: setup
-	@$(MAKE) --no-print-directory --jobs 2 lint tests
+	@$(MAKE) --no-print-directory --jobs 2 lint tests docs
 
 tests: setup
 	$(BIN)/python -m pytest -n auto -m "not thorough"
 
 test-thorough: lint
 	$(BIN)/python -m pytest -n auto
+
+# The site's theme prints what its authors plan; that is no warning about these pages.
+docs: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 benchmark: setup
 	$(BIN)/python -m benchmarks
@@ -50,7 +55,7 @@ coverage-study: setup
 	$(BIN)/python -m benchmarks.coverage --write
 
 clean:
-	rm -rf $(VENV) recordings reports datasets/*/synthetic datasets/*/fetched datasets/*/.fetched*
+	rm -rf $(VENV) site recordings reports datasets/*/synthetic datasets/*/fetched datasets/*/.fetched*
 
 schema: setup
 	$(BIN)/python -m pipeline.findings.storage > docs/findings.schema.json
