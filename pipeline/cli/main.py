@@ -227,14 +227,20 @@ def report(campaign: str) -> None:
     "--to",
     "form",
     required=True,
-    type=click.Choice(["csv", "ross"]),
-    help="csv: all parameters. ross: bearing tables (.toml, .xlsx) over speed and frequency.",
+    type=click.Choice(["csv", "json", "matlab", "mcap", "ross"]),
+    help="csv, json: all parameters. matlab: parameters, arrays, runs (.mat). mcap: measured and modelled signals, one file a "
+    "run. ross: bearing tables (.toml, .xlsx) over speed and frequency.",
 )
 @click.option("--out", "-o", type=PATH, help="Folder to write into; reports/CAMPAIGN/export by default.")
 def export(campaign: str, form: str, out: Path | None) -> None:
     """Hand findings on to other programs.
 
     CAMPAIGN is a campaign of this project, or a findings.json or its folder.
+
+    \b
+    In MATLAB:     load CAMPAIGN.mat; struct2table(findings.parameters)
+    In Python:     pandas.DataFrame(json.load(open("CAMPAIGN.json"))["parameters"])
+    In Foxglove or PlotJuggler open the .mcap of a run: /measured is the log in SI, /findings what was identified.
 
     \b
     In ROSS:  bearing = ross.BearingElement.load("TABLE.toml")

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Section
+from pipeline.findings.signals import Signals
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.advice import Advice
 
@@ -269,6 +270,8 @@ class Experiment:
     advise
         ``advise(findings)`` proposes the runs that would tell most beside those that the findings rest on, from parameters and
         arrays alone, for `rigfit advise`. None where the experiment cannot.
+    signals
+        Which of its arrays hold signals over time, measured and modelled, for `rigfit export --to mcap`.
     equations
         The model, as the report and the experiment's page in the documentation show it.
     """
@@ -291,6 +294,7 @@ class Experiment:
     builds_on: Sequence[str] = ()
     reads_blocks: bool = False
     advise: Callable[[Findings], Advice] | None = None
+    signals: Sequence[Signals] = ()
     equations: Sequence[Equation] = ()
 
     @property

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import (
     ChannelSpec,
     ConditionSpec,
@@ -187,4 +188,11 @@ LOAD_EXCHANGE = Experiment(
     methods=Later("pipeline.rigs.gearbox.outcome.methods:methods"),
     check=Later("pipeline.rigs.gearbox.check:check"),
     operating=OPERATING,
+    signals=(
+        Signals(
+            "load",
+            {"measured": "N*m", "predicted": "N*m", "residual": "N*m"},
+            "output torque and what inertia and drag make of the speed, means over windows",
+        ),
+    ),
 )

@@ -15,6 +15,7 @@ from pydantic import Field
 from pipeline.errors import InputError
 from pipeline.findings import Findings, ModelResult, Parameter, Published, Run
 from pipeline.findings.figures import Axis, Figure, Line, Panel, Points, Section
+from pipeline.findings.signals import Signals
 from pipeline.recording import Channel, Recording, Stream
 from pipeline.rigs.experiment import (
     ChannelSpec,
@@ -66,7 +67,13 @@ def identify(recordings: Sequence[Recording], settings: SpringSettings, context:
         )
         tables.append(
             pd.DataFrame(
-                {"run": recording.run, "extension": extension[use], "force": force[use], "model": force[use] - residual}
+                {
+                    "run": recording.run,
+                    "time": recording.stream_of("force").time[use],
+                    "extension": extension[use],
+                    "force": force[use],
+                    "model": force[use] - residual,
+                }
             )
         )
     if not parameters:
@@ -132,5 +139,6 @@ SPRING = Experiment(
     synthesize=synthesize,
     sections=sections,
     methods=lambda findings: [f"A line was fitted to {len(findings.parameters)} runs."],
+    signals=[Signals("pulls", {"force": "N", "model": "N"}, "force, measured and of the line")],
 )
 EXPERIMENTS = (SPRING,)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Experiment, Later, ParameterSpec, Range, Settings
 from pipeline.rigs.mre.axial.equations import EQUATIONS
 from pipeline.rigs.mre.conditions import COIL_CURRENT, MICROMECHANICS, PRELOAD, SAMPLE
@@ -70,4 +71,11 @@ AXIAL = Experiment(
     sections=Later("pipeline.rigs.mre.axial.sections:sections"),
     methods=Later("pipeline.rigs.mre.axial.methods:methods"),
     check=Later("pipeline.rigs.mre.axial.check:check"),
+    signals=(
+        Signals(
+            "samples",
+            {"displacement": "m", "force": "N", "residual": "N"},
+            "the fit's samples; the model is force less residual",
+        ),
+    ),
 )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import (
     ChannelSpec,
     ConditionSpec,
@@ -127,4 +128,5 @@ HOLD = Experiment(
         ConditionSpec("coil_current", "A", "level of the measured coil current"),
         ConditionSpec("sweep", "", "up or down"),
     ),
+    signals=(Signals("series", {"force": "N", "model": "N"}, "axial force and its steady part with relaxation"),),
 )

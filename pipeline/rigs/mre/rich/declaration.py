@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import ConditionSpec, Experiment, Later, ParameterSpec, Reference, Settings
 from pipeline.rigs.mre.conditions import COIL_CURRENT, MICROMECHANICS, PRELOAD, SAMPLE
 from pipeline.rigs.mre.references import (
@@ -108,4 +109,9 @@ SHEAR_RICH = Experiment(
     methods=Later("pipeline.rigs.mre.rich.methods:methods"),
     check=Later("pipeline.rigs.mre.rich.check:check"),
     live=Later("pipeline.rigs.mre.rich.live:Live"),
+    signals=(
+        Signals(
+            "series", {"displacement": "m", "force": "N", "model": "N"}, "a stretch of the record and the fitted model"
+        ),
+    ),
 )

@@ -139,7 +139,8 @@ def _loops(runs: SortedRuns, fit: DynamicFit | None, stand: Mapping[str, str]) -
         loop = usable.loop
         model, residual = _modelled(fit, loop)
         x, F = curve(loop.X, _POINTS), curve(loop.F, _POINTS)
-        part = {"run": loop.run, "displacement": x, "force": F, "model": model, "residual": residual}
+        time = np.arange(_POINTS) / (_POINTS * loop.frequency)
+        part = {"run": loop.run, "time": time, "displacement": x, "force": F, "model": model, "residual": residual}
         parts.append(pd.DataFrame(part))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 

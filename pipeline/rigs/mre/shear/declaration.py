@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Experiment, Later, ParameterSpec, Range, Settings
 from pipeline.rigs.mre.conditions import COIL_CURRENT, MICROMECHANICS, PRELOAD, SAMPLE, SIZE
 from pipeline.rigs.mre.references import (
@@ -121,4 +122,11 @@ SHEAR = Experiment(
     methods=Later("pipeline.rigs.mre.shear.methods:methods"),
     check=Later("pipeline.rigs.mre.shear.check:check"),
     advise=Later("pipeline.rigs.mre.shear.advise:advise"),
+    signals=(
+        Signals(
+            "loops",
+            {"displacement": "m", "force": "N", "model": "N", "residual": "N"},
+            "the mean cycle, without means, and the model's",
+        ),
+    ),
 )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import ChannelSpec, ConditionSpec, Experiment, Later, ParameterSpec, Range, Settings
 from pipeline.rigs.mre.conditions import PRELOAD, SAMPLE
 from pipeline.rigs.mre.references import BRANCATI_2019, GOLUB_PEREYRA_1973, KAUFMAN_1975, SCHWARZ_1978
@@ -78,4 +79,11 @@ STEP = Experiment(
     methods=Later("pipeline.rigs.mre.step.methods:methods"),
     check=Later("pipeline.rigs.mre.step.check:check"),
     operating=(ConditionSpec("direction", "", "rise or fall of the current"),),
+    signals=(
+        Signals(
+            "series",
+            {"current": "A", "force": "N", "model": "N", "residual": "N"},
+            "the record and the fitted response",
+        ),
+    ),
 )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import ConditionSpec, Experiment, Later, ParameterSpec, Settings
 from pipeline.rigs.rap.conditions import CONDITIONS, channels
 from pipeline.rigs.rap.pressures.equations import EQUATIONS
@@ -87,4 +88,12 @@ PRESSURES = Experiment(
     methods=Later("pipeline.rigs.rap.pressures.methods:methods"),
     check=Later("pipeline.rigs.rap.pressures.check:check"),
     operating=OPERATING,
+    signals=(
+        Signals(
+            "overlay",
+            {"bench": "Pa", "corrected": "Pa", "residual": "Pa"},
+            "bench pressure and the corrected one of the device",
+            by="channel",
+        ),
+    ),
 )

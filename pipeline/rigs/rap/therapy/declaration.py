@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import ConditionSpec, Experiment, Later, ParameterSpec, Settings
 from pipeline.rigs.rap.alarms.limits import AlarmLimits, MismatchLimits
 from pipeline.rigs.rap.conditions import CONDITIONS, channels
@@ -104,4 +105,12 @@ THERAPY = Experiment(
     methods=Later("pipeline.rigs.rap.therapy.outcome.methods:methods"),
     check=Later("pipeline.rigs.rap.therapy.check:check"),
     operating=OPERATING,
+    signals=(
+        Signals("temperature", {"value": "K", "model": "K"}, "fluid temperature and the fitted one", by="source"),
+        Signals(
+            "volume",
+            {"set": "m^3", "estimate": "m^3", "sd": "m^3", "device": "m^3"},
+            "volume removed: as set, as estimated, as the device counts it",
+        ),
+    ),
 )

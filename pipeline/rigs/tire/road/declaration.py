@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
 from pipeline.rigs.tire.conditions import CONDITIONS, OPERATING, channels
 from pipeline.rigs.tire.references import BREGLIO_2019, FYFE_MUNCK_1997, GONG_1993, KALMAN_1960
@@ -76,4 +77,20 @@ ROAD = Experiment(
     operating=OPERATING,
     builds_on=("tire.bench",),
     reads_blocks=True,
+    signals=(
+        Signals(
+            "revolutions",
+            {
+                "speed": "m/s",
+                "vertical_load": "N",
+                "vertical_load_se": "N",
+                "longitudinal_force": "N",
+                "longitudinal_force_se": "N",
+                "speed_filtered": "m/s",
+                "vertical_load_filtered": "N",
+                "longitudinal_force_filtered": "N",
+            },
+            "what each revolution tells, and what all up to it tell",
+        ),
+    ),
 )

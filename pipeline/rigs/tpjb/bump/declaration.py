@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
 from pipeline.rigs.tpjb.bump.equations import EQUATIONS
 from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, OPERATING, channels
@@ -82,4 +83,12 @@ BUMP = Experiment(
     methods=Later("pipeline.rigs.tpjb.bump.methods:methods"),
     check=Later("pipeline.rigs.tpjb.bump.check:check"),
     operating=OPERATING,
+    signals=(
+        Signals(
+            "orbits",
+            {"force_x": "N", "force_y": "N", "x": "m", "y": "m", "x_model": "m", "y_model": "m"},
+            "force and journal motion, means over an angle of turn, and the polygon's motion",
+            by="plane",
+        ),
+    ),
 )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Reference, Settings
 from pipeline.rigs.tpjb.rig import CIULLI_FORTE_2019, CONDITIONS, OPERATING, channels
 from pipeline.rigs.tpjb.rotating.equations import EQUATIONS
@@ -81,4 +82,11 @@ ROTATING = Experiment(
     advise=Later("pipeline.rigs.tpjb.rotating.advise:advise"),
     operating=OPERATING,
     builds_on=("tpjb.dynamic", "tpjb.bump"),
+    signals=(
+        Signals(
+            "samples",
+            {"fx": "N", "fy": "N", "x": "m", "y": "m", "mx": "m", "my": "m"},
+            "force, journal motion and (mx, my) that of the selected model",
+        ),
+    ),
 )
