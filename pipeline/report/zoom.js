@@ -33,7 +33,7 @@
   /* A number with the digits that the range shown can tell apart. */
   function told(value, low, high, log) {
     if (log) return value === 0 ? "0" : power(value, 4);
-    return fixed(value, decimals(10 ** Math.floor(Math.log10((high - low) / 1000))));
+    return fixed(value, decimals(10 ** Math.floor(Math.log10((high - low) / 200))));
   }
 
   function power(value, digits) {

@@ -26,6 +26,7 @@ from pipeline.report.words import clean
 
 _TIMES = ("s", "min", "h")
 _MORE, _CLEARLY_MORE = 1.2, 2.0  # samples a pixel: over time, and over anything else
+_AS_IT_IS = 10_000  # samples of a line that runs to and fro, which cannot be thinned
 _MOST = (20_000, 10_000, 5_000, 2_500)  # samples of a mark, the most for which the page has room
 _LARGEST_PAGE = 4_500_000  # bytes, drawings and signals
 _LARGEST = 1_500_000  # bytes, signals
@@ -84,7 +85,7 @@ def _hides_something(panel: Panel, width: float) -> bool:
     over_time = panel.x.unit in _TIMES
     drawn = [mark for mark in panel.marks if isinstance(mark, _Drawn)]
     backward = [mark for mark in drawn if not isinstance(mark, Points) and not _rises(mark)]
-    if any(not over_time or np.size(mark.x) > _MOST[-1] for mark in backward):  # those cannot be thinned
+    if any(not over_time or np.size(mark.x) > _AS_IT_IS for mark in backward):
         return False
     long = [mark for mark in drawn if _rises(mark) and (over_time or isinstance(mark, Line))]
     return max((np.size(mark.x) for mark in long), default=0) > width * (_MORE if over_time else _CLEARLY_MORE)
