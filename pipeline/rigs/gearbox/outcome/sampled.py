@@ -26,8 +26,8 @@ DRAWN = {
 }
 """Tables of the runs that are drawn, with their columns."""
 
-# What is drawn over time is averaged to about that, Hz.
-_RATE = 25.0
+# What is drawn over time is averaged to about that, Hz; of long runs so many samples are kept.
+_RATE, _MOST = 100.0, 20_000
 _LOCKED = ("startup", "fos", "fos_after", "rundown")
 
 
@@ -49,11 +49,12 @@ def drawn_of(run: RunNumbers, vibration: VibrationNumbers) -> dict[str, pd.DataF
 
 
 def _overview(run: RunNumbers, vibration: VibrationNumbers) -> dict[str, Any]:
-    time, t_in, t_out = run.run.means(_RATE)
+    rate = min(_RATE, _MOST / max(float(np.ptp(run.run.time)), 1e-9))
+    time, t_in, t_out = run.run.means(rate)
     speed = np.interp(time, run.counts.time, run.counts.speed(), left=np.nan, right=np.nan)
     log, felt = run.record.vibration, np.full(time.size, np.nan)
     if log is not None and vibration.channel:
-        half, square = 0.5 / _RATE, (log[vibration.channel] - log[vibration.channel].mean()) ** 2
+        half, square = 0.5 / rate, (log[vibration.channel] - log[vibration.channel].mean()) ** 2
         total = np.concatenate([[0.0], np.cumsum(square)])
         first, last = np.searchsorted(log.time, time - half), np.searchsorted(log.time, time + half)
         several = last - first

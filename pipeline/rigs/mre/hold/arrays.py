@@ -17,7 +17,7 @@ from pipeline.rigs.mre.hold.law import FIRST_TIME
 from pipeline.rigs.mre.hold.record import Record
 
 _CURVE = 200
-_SAMPLES = 3000
+_SAMPLES = 12_000
 
 
 def arrays_of(

@@ -11,7 +11,7 @@ from pipeline.estimation.estimate import Estimate
 from pipeline.rigs.mre.step.lag_fit import Found
 from pipeline.rigs.mre.step.lag_problem import Problem, Rows
 
-_ROWS = 3000
+_ROWS = 12_000
 
 
 def arrays_of(found: Sequence[tuple[Found, list[Estimate]]]) -> dict[str, pd.DataFrame]:

@@ -21,7 +21,7 @@ _BREAK = 4.0
 _KINDS = {"vertical": ("vertical event", 4), "longitudinal": ("longitudinal event", 6)}
 _EVENTS_DRAWN = 300
 # Beyond so many points only the lowest and the highest of each stretch are drawn: the page stays small.
-_MOST_POINTS = 1000
+_MOST_POINTS = 6000
 _LEAST_NIS = 0.01
 
 
