@@ -34,7 +34,8 @@ class _Reading:
 
     def take(self, expected: str = "") -> str:
         token = self.peek()
-        assert token and (not expected or token == expected), f"expected '{expected}', found '{token}'"
+        assert token, "the expression ends too early"
+        assert token == (expected or token), f"expected '{expected}', found '{token}'"
         self.place += 1
         return token
 
