@@ -13,11 +13,13 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, listing
 from pipeline.findings.findings import Findings, ModelResult, OperatingPoint, Parameter, Published, Quality
 
 NEAR = 0.01  # operating points of other data are the same place within this share of the larger
 _NUMBER = re.compile(r"[+\-−]?\d+(?:\.\d+)?(?:[eE][+\-]?\d+)?")
+
+_NAMED = 8  # runs
 
 Kind = Literal["changed", "same", "determined now", "not determined now", "not determined", "new", "gone"]
 
@@ -249,7 +251,7 @@ def _causes(before: Findings, after: Findings) -> list[Difference]:
     ]
     used = [{run.run for run in findings.runs if run.used} for findings in (before, after)]
     if used[0] != used[1]:
-        found.append(Difference("runs used", *(str(len(names)) for names in used)))
+        found.append(Difference("runs used", *(listing(sorted(names), _NAMED) for names in used)))
     models = [_selected(findings.models) for findings in (before, after)]
     found += _entries("model of", *models)
     told = [_provenance(findings) for findings in (before, after)]

@@ -31,6 +31,7 @@ _LONGEST_NAME = 14.0  # beside a point, in widths of an m
 _HASH = re.compile(r"[0-9a-f]{64}")
 _HASH_DIGITS = 12
 _KEY_PLACES = 6  # operating points of one key parameter
+_LONGEST_SIDE = 20.0  # widths of an m
 _GLANCED = 6  # campaigns that the verdict names
 _MOODS: dict[str, Mood] = {"error": "rejected", "warning": "warning", "note": "unsaid"}
 _AGREES = {True: Status.agrees, False: Status.contradicts, None: Status.not_checkable}
@@ -105,6 +106,12 @@ def _name(one: Compared) -> str:
     return clean(new) if old == new else f"{clean(old)} and {clean(new)}"
 
 
+def _sides(comparison: Comparison) -> tuple[str, str]:
+    """Return what the two are called: before and now, or their campaigns where these are different ones."""
+    old, new = (clean(findings.campaign) for findings in (comparison.before, comparison.after))
+    return ("Before", "Now") if old == new else (shortened(old, _LONGEST_SIDE, 1.0), shortened(new, _LONGEST_SIDE, 1.0))
+
+
 def _glance(compared: Sequence[Compared], single: bool) -> str:
     if single:
         return " · ".join(_counts(compared[0].comparison))
@@ -177,7 +184,7 @@ def _causes(comparison: Comparison) -> Iterator[Block | Figure]:
                _beyond(comparison.after.reasons, comparison.before.reasons)]  # fmt: skip
     if any(reasons):
         rows.append(["reasons of the verdict", *("; ".join(map(clean, texts)) or NOTHING for texts in reasons)])
-    columns = [Column("What"), Column("Before"), Column("Now")]
+    columns = [Column(text) for text in ("What", *_sides(comparison))]
     if rows:
         yield table_view(Table("causes", "What is different besides the numbers", "", columns, rows))
     elif comparison.alike:
@@ -227,7 +234,7 @@ def _moved(one: Compared) -> Iterator[Block | Figure]:
     if changed:
         yield Paragraphs([_measure(one.comparison)])
     if key := _key(one):
-        yield _table("key-numbers", "The numbers that matter, before and now", "", key, one, number=False)
+        yield _table("key-numbers", "The numbers that matter", "", key, one, number=False)
     same = len(one.comparison.of("same"))
     if not changed:
         yield Paragraphs([f"No parameter: all {same} that both sides tell are the same to the last digit."] if same
@@ -235,7 +242,7 @@ def _moved(one: Compared) -> Iterator[Block | Figure]:
         return
     unmoved = f" {same} more are the same to the last digit." if same else ""
     if drawn := [change for change in changed if change.ratio is not None][:_DRAWN]:
-        yield _figure(drawn, len(changed), one.experiment)
+        yield _figure(drawn, len(changed), one)
     yield _table(
         "moved", "Parameters that changed", f"What moved most comes first.{unmoved}", changed, one, number=True
     )
@@ -251,7 +258,9 @@ def _key(one: Compared) -> list[Change]:
     return sorted(found, key=lambda change: ids[id(change.after)])
 
 
-def _figure(drawn: Sequence[Change], of: int, experiment: Experiment) -> Figure:
+def _figure(drawn: Sequence[Change], of: int, one: Compared) -> Figure:
+    experiment = one.experiment
+    before, now = _sides(one.comparison)
     place = np.arange(1.0, len(drawn) + 1)
     pairs = [(change, change.before, change.after) for change in drawn]
     apart = 0.12 if len(drawn) > 1 else 0.03
@@ -262,8 +271,8 @@ def _figure(drawn: Sequence[Change], of: int, experiment: Experiment) -> Figure:
     texts = named if len(drawn) <= _NAMED_UP_TO else []
     marks: list[Mark] = [
         Rule(y=0.0),
-        Points(place - apart, np.zeros(len(drawn)), "reference", "before", old_low, old_high),
-        Points(place + apart, moved, 0, "now", new_low, new_high, texts=texts),
+        Points(place - apart, np.zeros(len(drawn)), "reference", before.lower(), old_low, old_high),
+        Points(place + apart, moved, 0, now.lower(), new_low, new_high, texts=texts),
     ]
     beyond = sum(abs(change.ratio or 0.0) > 1 for change in drawn)
     which = f"the {len(drawn)} that moved most of {of}" if of > len(drawn) else "all that moved"
@@ -292,6 +301,7 @@ def _limits(pairs: Sequence[tuple[Change, Parameter | None]]) -> tuple[np.ndarra
 
 def _table(name: str, title: str, caption: str, changes: Sequence[Change], one: Compared, number: bool) -> TableView:
     """Lay out parameters before and now, each row in its own unit; with a `number` where a figure names it by that."""
+    before, now = _sides(one.comparison)
     rows = []
     for place, change in enumerate(changes[:MOST_ROWS], 1):
         unit = common_unit([p for p in (change.before, change.after) if p is not None], one.experiment)
@@ -309,7 +319,7 @@ def _table(name: str, title: str, caption: str, changes: Sequence[Change], one: 
                 Shown(ratio, kind="number"),
             ]
         )
-    heads = [Head("Quantity"), Head("Before", "± standard error", True), Head("Now", "± standard error", True),
+    heads = [Head("Quantity"), Head(before, "± standard error", True), Head(now, "± standard error", True),
              Head("Difference", "", True), Head("Unit"), Head("Difference", "in standard errors", True)]  # fmt: skip
     return TableView(name, title, caption, heads, rows, len(changes) - len(rows))
 
@@ -342,6 +352,7 @@ def _came_and_went(one: Compared) -> Iterator[Block | Figure]:
     found = one.comparison.of("new", "gone", "determined now", "not determined now")
     if not found:
         return
+    before, now = _sides(one.comparison)
     rows = []
     for change in found[:MOST_ROWS]:
         parameter = change.parameter
@@ -353,7 +364,7 @@ def _came_and_went(one: Compared) -> Iterator[Block | Figure]:
             _what(parameter, one.experiment), Shown(change.kind), *(Shown(text, kind="number") for text in texts),
             Shown(unit.name), Shown(clean(reason)),
         ])  # fmt: skip
-    heads = [Head("Quantity"), Head("Is"), Head("Before", "± standard error", True), Head("Now", "± standard error", True),
+    heads = [Head("Quantity"), Head("Is"), Head(before, "± standard error", True), Head(now, "± standard error", True),
              Head("Unit"), Head("Why")]  # fmt: skip
     kept = [place for place in range(len(heads)) if heads[place].text != "Why" or any(row[place].text for row in rows)]
     yield TableView(
@@ -374,7 +385,7 @@ def _claims(comparison: Comparison) -> Iterator[Block | Figure]:
         [clean(new.name), clean(new.where), _AGREES[old.agrees], _AGREES[new.agrees], clean(new.remark)]
         for old, new in comparison.claims
     ]
-    columns = [Column(text) for text in ("Claim", "Where", "Before", "Now", "Remark now")]
+    columns = [Column(text) for text in ("Claim", "Where", *_sides(comparison), "Remark")]
     if rows:
         yield table_view(Table("claims", "Claims of the paper judged otherwise", "", columns, rows))
 

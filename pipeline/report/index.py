@@ -1,18 +1,26 @@
-"""The page over all campaigns: what each is, its verdict, its numbers, the way to its report."""
+"""The page over all campaigns: what each is, its verdict, age and numbers, the way to its report; what goes from one to the next.
+
+Without script everything is shown; with it the list can be searched, and ages are told.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 from markupsafe import Markup
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Figure
 from pipeline.report.accounts import quality_counts
-from pipeline.report.figure import thumbnail
-from pipeline.report.numbers import plain, reading
+from pipeline.report.figure import FigureView, figure_view, thumbnail
+from pipeline.report.index_trend import followed, trend
+from pipeline.report.numbers import alike, plain, reading
 from pipeline.report.page import VERDICTS, page
 from pipeline.report.parameters import common_unit, key_parameters, place_of
 from pipeline.report.symbols import symbol_html
@@ -26,7 +34,8 @@ class IndexEntry:
     """What the index shows of one campaign, made of texts and numbers so that it can be kept as JSON.
 
     `key_numbers` hold ``symbol`` (LaTeX), ``name``, ``at``, ``text`` and ``unit``; `picture` is SVG made by
-    `index_entry`, or empty.
+    `index_entry`, or empty. `recorded` is when the first and the last dated run began (s since 1970), empty where
+    none bears a date; `undated` counts those that bear none. `followed` are numbers for `trend`.
     """
 
     name: str
@@ -39,11 +48,32 @@ class IndexEntry:
     quality: Mapping[str, int]
     link: str
     picture: str = ""
+    recorded: Sequence[float] = ()
+    undated: int = 0
+    followed: Sequence[Mapping[str, Any]] = ()
+
+
+@dataclass(frozen=True)
+class Trend:
+    """How the numbers of one experiment go; `several` where it is more than one campaign after another."""
+
+    figure: FigureView
+    several: bool
+
+
+@dataclass(frozen=True)
+class Group:
+    """The campaigns of one rig, and how the numbers of its experiments go from one to the next."""
+
+    rig: str
+    entries: Sequence[IndexEntry]
+    trends: Sequence[Trend]
 
 
 def index_entry(findings: Findings, experiment: Experiment, title: str, link: str) -> IndexEntry:
     """Return the entry of a campaign; its picture is the first panel of the report's first figure."""
     figures = (block for section in experiment.sections(findings) for block in section.blocks)
+    begins = [run.begins for run in findings.runs if run.begins is not None]
     first = next((block for block in figures if isinstance(block, Figure) and block.panels), None)
     return IndexEntry(
         name=findings.campaign,
@@ -56,6 +86,9 @@ def index_entry(findings: Findings, experiment: Experiment, title: str, link: st
         quality=quality_counts(findings.quality),
         link=link,
         picture=thumbnail(first, findings.campaign) if first else "",
+        recorded=[min(begins), max(begins)] if begins else [],
+        undated=len(findings.runs) - len(begins),
+        followed=followed(findings, experiment),
     )
 
 
@@ -71,7 +104,8 @@ def _key_numbers(findings: Findings, experiment: Experiment) -> list[dict[str, s
             text = str(reading(known[0].value or 0.0, known[0].std_error, None, unit.size, unit.zero))
             first = known[0]
         elif known:
-            text = f"{plain(min(values), 3)} … {plain(max(values), 3)}"
+            ends = sorted({min(values), max(values)})
+            text = " … ".join(dict.fromkeys(alike(ends) or [plain(end, 3) for end in ends]))
         place = place_of(first, experiment) if len(known) == 1 else ""
         shown.append(
             {"symbol": first.symbol, "name": first.name, "at": place, "text": text, "unit": unit.name if known else ""}
@@ -80,13 +114,43 @@ def _key_numbers(findings: Findings, experiment: Experiment) -> list[dict[str, s
 
 
 def render_index(entries: Sequence[IndexEntry]) -> str:
-    """Return the index page, one card a campaign in the order given."""
+    """Return the index page: one card a campaign, by rigs in the order in which they come."""
     verdicts = Counter(entry.verdict for entry in entries)
+    dated = any(entry.recorded for entry in entries)
     return page(
         "index.html.j2",
+        scripts=[_script()] if len(entries) > 1 or dated else [],
         entries=entries,
+        groups=_groups(entries),
         counts=[(VERDICTS[verdict][0], verdict, verdicts[verdict]) for verdict in VERDICTS if verdicts[verdict]],
         verdicts=VERDICTS,
         symbol_html=symbol_html,
         drawn=Markup,
+        day=day,
     )
+
+
+@cache
+def _script() -> str:
+    return Path(__file__).with_name("index.js").read_text(encoding="utf-8")
+
+
+def day(seconds: float) -> str:
+    """Return the day of a moment (s since 1970, UTC) as ISO text."""
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d}"
+
+
+def _groups(entries: Sequence[IndexEntry]) -> list[Group]:
+    rigs = dict.fromkeys(entry.experiment.split(".")[0] for entry in entries)
+    groups, number = [], 0
+    for rig in rigs:
+        own = [entry for entry in entries if entry.experiment.split(".")[0] == rig]
+        views = []
+        for experiment in dict.fromkeys(entry.experiment for entry in own):
+            same = [entry for entry in own if entry.experiment == experiment]
+            told = [(entry.name, entry.recorded[0] if entry.recorded else None, entry.followed) for entry in same]
+            if figure := trend(experiment, f"{experiment}, campaign by campaign", told):
+                number += 1
+                views.append(Trend(figure_view(figure, number), len(same) > 2))
+        groups.append(Group(rig, own, views))
+    return groups
