@@ -131,9 +131,10 @@ def _longest(found: Sequence[Signal], room: int) -> list[Signal]:
 
 
 @cache
-def _scripts() -> tuple[str, str]:
+def _scripts() -> tuple[str, ...]:
     licence = _beside("vendored/uPlot.LICENSE").rstrip()
-    return f"/*\n{licence}\n*/\n{_beside('vendored/uPlot.iife.min.js')}", _beside("zoom.js")
+    own = (_beside(name) for name in ("zoom_numbers.js", "zoom_marks.js", "zoom.js"))
+    return f"/*\n{licence}\n*/\n{_beside('vendored/uPlot.iife.min.js')}", *own
 
 
 @cache
@@ -186,7 +187,7 @@ def _panel(signal: Signal, most: int, arrays: _Arrays) -> dict[str, Any]:
 
 def _axis(scale: Scale) -> dict[str, Any]:
     return {
-        "label": scale.unit.heading(clean(scale.label)), "unit": scale.unit.name, "log": scale.log,
+        "name": clean(scale.label), "label": scale.unit.heading(clean(scale.label)), "unit": scale.unit.name, "log": scale.log,
         "low": scale.low, "high": scale.high,
     }  # fmt: skip
 

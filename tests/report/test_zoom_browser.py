@@ -143,6 +143,23 @@ def test_a_drag_zooms_and_a_double_click_goes_back(open_page):
     assert page.locator(".zoom-view").count() == 0
 
 
+def test_the_wheel_zooms_about_the_cursor_with_control_and_scrolls_without(open_page):
+    page = open_page()
+    button(page).click()
+    box = page.locator(".u-over").bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 4, box["y"] + box["height"] / 2)
+    page.mouse.wheel(0, -30)
+    page.wait_for_timeout(100)
+    assert window(page) == (-4.5, 104.5)
+    page.keyboard.down("Control")
+    page.mouse.wheel(0, -30)
+    page.wait_for_timeout(100)
+    page.keyboard.up("Control")
+    low, high = window(page)
+    assert low < (low + high) / 2 < 49
+    assert low + (high - low) / 4 == pytest.approx(22.75, abs=0.3)
+
+
 def test_the_values_under_the_cursor_are_those_of_the_signal(open_page):
     page = open_page()
     button(page).click()
