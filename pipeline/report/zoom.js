@@ -33,7 +33,7 @@
       this.root.setAttribute("aria-label", `${panel.name}, enlarged. ${keys}`);
       if (panel.title) this.root.append(make("p", "zoom-title", panel.title));
       this.stage = make("div", "zoom-stage");
-      this.root.append(this.stage, this.legend(), this.tools());
+      this.root.append(this.stage, this.tools(), this.legend());
       box.append(this.root);
       box.classList.add("zoomed");
       this.low = panel.x.low;
@@ -71,7 +71,7 @@
         return 12 + Math.max(...(texts || []).map((text) => u.ctx.measureText(text).width / devicePixelRatio), 16);
       };
       return {
-        width: this.box.clientWidth, height: Math.max(drawing.height, 240), padding: [10, 14, 0, 0],
+        width: this.box.clientWidth, height: Math.max(drawing.height, 240), padding: [10, 24, 0, 0],
         scales: { x: scale(x), y: scale(y) },
         axes: [axis(x, { size: 26 }), axis(y, { size: widest })],
         series: [{}, { scale: "y", paths: () => null, points: { show: false } }],

@@ -199,6 +199,7 @@ def test_fingers_pinch_and_move(open_page):
     assert high - low == pytest.approx(54.5, abs=0.2)  # twice as far apart
     assert low == pytest.approx(22.75 + 5.45, abs=0.2)  # then a tenth to the left
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert button(page).count() == 0  # while the panel is enlarged
 
 
 def test_a_logarithmic_axis_zooms_by_decades(open_page):
