@@ -9,11 +9,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from latex2mathml.converter import convert
 from settings_words import what_it_may_be
 
 from pipeline.campaign.project import recipe_template
 from pipeline.report.citation import citation
+from pipeline.report.equations import in_words, mathml
 from pipeline.rigs.experiment import ConditionSpec, Equation, Experiment, Later, Range
 from pipeline.rigs.registry import all_experiments
 
@@ -164,8 +164,8 @@ def _written(value: object) -> str:
 
 def _equation(equation: Equation) -> Iterable[str]:
     source = f" <small>({escape(equation.source)})</small>" if equation.source else ""
-    yield f'<div class="equation">{convert(equation.latex, display="block")}</div>'
-    yield f'<p class="told">{escape(equation.about)}{source}</p>'
+    yield f'<div class="equation" tabindex="0">{mathml(equation.latex)}</div>'
+    yield f'<p class="told">{in_words(equation.about)}{source}</p>'
     yield ""
 
 
@@ -183,7 +183,7 @@ def _parameters(e: Experiment) -> Iterable[str]:
     rows = [
         [
             f"<code>{p.name}</code>",
-            convert(p.symbol),
+            mathml(p.symbol, display=False),
             escape(p.unit) + (f" <small>(read in {escape(p.read_as)})</small>" if p.read_as else ""),
             escape(p.description) + (" <strong>key</strong>" if p.key or p.key_at else ""),
             escape(p.source),

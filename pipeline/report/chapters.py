@@ -25,6 +25,7 @@ from pipeline.report.accounts import (
 )
 from pipeline.report.advice import proposals_table
 from pipeline.report.citation import bibtex, citation
+from pipeline.report.equations import Equations, equations
 from pipeline.report.figure import FigureView, figure_view
 from pipeline.report.gathered import MOST_TOLD, told
 from pipeline.report.parameters import key_table, parameter_tables
@@ -68,7 +69,7 @@ class Facts:
     pairs: Sequence[tuple[str, str]]
 
 
-Block = Paragraphs | Listed | Code | Facts | FigureView | TableView
+Block = Paragraphs | Listed | Code | Facts | Equations | FigureView | TableView
 
 
 @dataclass(frozen=True)
@@ -178,6 +179,8 @@ def _runs(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
 
 def _methods(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
     blocks: list[Block | Figure] = [Paragraphs([*experiment.methods(findings), stated(findings, experiment)])]
+    if experiment.equations:
+        blocks.append(equations(experiment.equations))
     if experiment.references:
         blocks.append(Listed([citation(reference) for reference in experiment.references], numbered=True))
         blocks.append(Code("The same as BibTeX", bibtex(experiment.references)))

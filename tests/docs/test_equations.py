@@ -7,9 +7,9 @@ import re
 
 import numpy as np
 import pytest
-from latex2mathml.converter import convert
 from latex_value import value
 
+from pipeline.report.equations import mathml
 from pipeline.rigs.experiment import Experiment
 from pipeline.rigs.registry import all_experiments
 
@@ -39,7 +39,7 @@ def test_every_parameter_stands_in_an_equation(experiment: Experiment) -> None:
 @pytest.mark.parametrize("experiment", OURS.values(), ids=OURS)
 def test_every_equation_becomes_mathml(experiment: Experiment) -> None:
     for equation in experiment.equations:
-        made = convert(equation.latex)
+        made = mathml(equation.latex)
         assert made.startswith("<math")
         assert "\\" not in made, f"not understood: {equation.latex}"
         assert equation.about.endswith(".")

@@ -42,7 +42,7 @@ def test_an_experiment_has_a_page_with_all_that_it_declares(site: Path, experime
     for spec in (*experiment.channels, *experiment.conditions, *experiment.parameters):
         assert f"<code>{spec.name}</code>" in page
     assert all(f"<code>{name}</code>" in page for name in experiment.settings.model_fields)
-    assert page.count('<div class="equation">') == len(experiment.equations) > 0
+    assert page.count('<div class="equation" tabindex="0">') == len(experiment.equations) > 0
     mathml = " ".join(re.findall(r"<math.*?</math>", page, re.DOTALL))
     assert "\\" not in mathml
 

@@ -17,7 +17,7 @@ DYNAMIC_MODEL = (
         "eq. (11), corrected",
     ),
     Equation(
-        r"\dot w = \rho \left( \dot x - C |\dot x| |w|^{n-1} w + (C - 1)\, \dot x |w|^n \right)",
+        r"\dot w = \rho \left( \dot x - C |\dot x|\, |w|^{n-1} w + (C - 1)\, \dot x |w|^n \right)",
         "Hysteretic variable, between -1 and 1; independent of the rate, so it is integrated over x.",
         "eq. (12)",
     ),
@@ -55,7 +55,7 @@ EQUATIONS = (
     ),
     Equation(
         r"W = W_l - W_u, \qquad W_l = \int_{loading} F\, dx, \qquad W/W_l",
-        "Work lost in a half cycle: that of loading less what unloading gives back. their ratio is the share lost.",
+        "Work lost in a half cycle: that of loading less what unloading gives back. Their ratio is the share lost.",
         "3.5",
     ),
     Equation(
