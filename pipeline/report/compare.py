@@ -17,7 +17,7 @@ from pipeline.findings.comparison import Change, Comparison, without_numbers
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Mark, Mood, Panel, Points, Rule, Status, Table
 from pipeline.report.chapters import Chapter, Code, Listed, Numbers, Paragraphs
 from pipeline.report.figure import FigureView
-from pipeline.report.numbers import Reading, fixed, plain, reading
+from pipeline.report.numbers import Reading, fixed, plain, reading, warranted_decimals
 from pipeline.report.page import VERDICTS, page
 from pipeline.report.parameters import common_unit, key_parameters, place_of, symbol_of
 from pipeline.report.reading_units import ReadingUnit
@@ -26,10 +26,9 @@ from pipeline.report.words import clean, shortened
 from pipeline.rigs.experiment import Experiment
 
 _DRAWN = 30  # parameters, those that moved most
-_NAMED_UP_TO = 10  # points; more have no room for their names
-_LONGEST_NAME = 14.0  # beside a point, in widths of an m
 _HASH = re.compile(r"[0-9a-f]{64}")
 _HASH_DIGITS = 12
+_MOST_DECIMALS = 6
 _KEY_PLACES = 6  # operating points of one key parameter
 _LONGEST_SIDE = 20.0  # widths of an m
 _GLANCED = 6  # campaigns that the verdict names
@@ -267,12 +266,10 @@ def _figure(drawn: Sequence[Change], of: int, one: Compared) -> Figure:
     old_low, old_high = _limits([(change, before) for change, before, _ in pairs])
     new_low, new_high = _limits([(change, after) for change, _, after in pairs])
     moved = np.array([change.ratio or 0.0 for change in drawn])
-    named = [shortened(clean(change.parameter.name), _LONGEST_NAME, 1.0) for change in drawn]
-    texts = named if len(drawn) <= _NAMED_UP_TO else []
     marks: list[Mark] = [
         Rule(y=0.0),
         Points(place - apart, np.zeros(len(drawn)), "reference", before.lower(), old_low, old_high),
-        Points(place + apart, moved, 0, now.lower(), new_low, new_high, texts=texts),
+        Points(place + apart, moved, 0, now.lower(), new_low, new_high),
     ]
     beyond = sum(abs(change.ratio or 0.0) > 1 for change in drawn)
     which = f"the {len(drawn)} that moved most of {of}" if of > len(drawn) else "all that moved"
@@ -308,7 +305,11 @@ def _table(name: str, title: str, caption: str, changes: Sequence[Change], one: 
         what = _what(change.parameter, one.experiment)
         if number:
             what = Shown(Markup("{}. {}").format(place, what.text), what.below)
-        moved = NOTHING if change.difference is None else reading(change.difference, change.error, size=unit.size).value
+        moved = (
+            NOTHING
+            if change.difference is None
+            else _moved_by(change.difference / unit.size, (change.error or 0.0) / unit.size)
+        )
         ratio = NOTHING if change.ratio is None else _signed(change.ratio)
         texts = [_told(p, _reading(p, unit)) for p in (change.before, change.after)]
         rows.append(
@@ -341,6 +342,12 @@ def _what(parameter: Parameter, experiment: Experiment) -> Shown:
 def _place(parameter: Parameter, experiment: Experiment) -> str:
     place = place_of(parameter, experiment)
     return f"{clean(parameter.name)} at {place}" if place else clean(parameter.name)
+
+
+def _moved_by(difference: float, error: float) -> str:
+    """Write a difference to the digits that its error warrants."""
+    decimals = warranted_decimals(error) if error > 0 and math.isfinite(error) else _MOST_DECIMALS + 1
+    return fixed(difference, decimals) if decimals <= _MOST_DECIMALS else plain(difference, 3)
 
 
 def _signed(ratio: float) -> str:

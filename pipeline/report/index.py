@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from pipeline.findings import Findings
 from pipeline.findings.figures import Figure
 from pipeline.report.accounts import quality_counts
 from pipeline.report.figure import FigureView, figure_view, thumbnail
-from pipeline.report.index_trend import followed, trend
+from pipeline.report.index_trend import day, followed, trend
 from pipeline.report.numbers import alike, plain, reading
 from pipeline.report.page import VERDICTS, page
 from pipeline.report.parameters import common_unit, key_parameters, place_of
@@ -133,11 +132,6 @@ def render_index(entries: Sequence[IndexEntry]) -> str:
 @cache
 def _script() -> str:
     return Path(__file__).with_name("index.js").read_text(encoding="utf-8")
-
-
-def day(seconds: float) -> str:
-    """Return the day of a moment (s since 1970, UTC) as ISO text."""
-    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d}"
 
 
 def _groups(entries: Sequence[IndexEntry]) -> list[Group]:

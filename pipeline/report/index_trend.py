@@ -13,13 +13,12 @@ from pipeline.errors import listing
 from pipeline.findings import Findings, Parameter
 from pipeline.findings.figures import Axis, Figure, Panel, Points
 from pipeline.report.parameters import key_parameters, place_of
-from pipeline.report.words import clean, shortened
+from pipeline.report.words import clean
 from pipeline.rigs.experiment import Experiment
 
 _PLACES = 6  # operating points of one key parameter that are followed
 _PANELS = 6
-_LONGEST_NAME = 16.0  # of a campaign beside its point, in widths of an m
-_NAMED_UP_TO = 12  # points
+_NAMED = 20  # campaigns
 _DAY = 86_400.0
 
 
@@ -32,6 +31,11 @@ class Told(NamedTuple):
     value: float
     low: float | None
     high: float | None
+
+
+def day(seconds: float) -> str:
+    """Return the day of a moment (s since 1970, UTC) as ISO text."""
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d}"
 
 
 def followed(findings: Findings, experiment: Experiment) -> list[dict[str, Any]]:
@@ -80,11 +84,7 @@ def trend(
         return None
     dated = all(told.recorded is not None for key in shown for told in quantities[key])
     first = min((told.recorded or 0.0 for key in shown for told in quantities[key]), default=0.0)
-    axis = (
-        Axis(f"days since {datetime.fromtimestamp(first, UTC):%Y-%m-%d}")
-        if dated
-        else Axis("campaign, as listed in the project", whole=True)
-    )
+    axis = Axis(f"days since {day(first)}") if dated else Axis("campaign, by its number below", whole=True)
     panels = [
         _panel(quantities[key], about[key], axis, None if not dated else first) for key in shown
     ]  # fmt: skip
@@ -92,11 +92,18 @@ def trend(
     answer = (
         f"Beyond their 95 % intervals: {listing(apart)}." if apart else "None by more than the 95 % intervals allow."
     )
-    order = "in the order of their logs" if dated else "in the order of the project, as their logs bear no dates"
-    more = f" {len(several) - len(shown)} more are not drawn." if len(several) > len(shown) else ""
+    more = f" {len(several) - len(shown)} more numbers are not drawn." if len(several) > len(shown) else ""
+    drawn = sorted(
+        {(one.recorded if dated else None, one.place, one.campaign) for key in shown for one in quantities[key]}
+    )
+    names = [
+        f"{clean(name)} {day(recorded)}" if recorded is not None else f"{place} {clean(name)}"
+        for recorded, place, name in drawn
+    ]
+    order = "From left to right, with the day of the first log" if dated else "Their logs bear no dates; as listed"
     caption = (
-        f"Do the numbers of {clean(experiment)} differ from campaign to campaign? {answer} Campaigns may be of different "
-        f"specimens; they stand {order}.{more}"
+        f"Do the numbers of {clean(experiment)} differ from campaign to campaign? {answer} Campaigns may be of different specimens. "
+        f"{order}: {listing(names, _NAMED)}.{more}"
     )
     return Figure(f"trend-{experiment}", clean(title), caption, caption, panels, columns=min(len(panels), 3))
 
@@ -108,13 +115,8 @@ def _panel(told: Sequence[Told], about: Mapping[str, Any], axis: Axis, first: fl
         np.array([np.nan if limit is None else limit for limit in limits], float)[order]
         for limits in ([one.low for one in told], [one.high for one in told])
     )
-    names = [shortened(clean(told[place].campaign), _LONGEST_NAME, 1.0) for place in order]
-    marks = [
-        Points(
-            np.array(at)[order], np.array([one.value for one in told])[order], "measured", "", low, high,
-            texts=names if len(names) <= _NAMED_UP_TO else (),
-        )
-    ]  # fmt: skip
+    value = np.array([one.value for one in told])[order]
+    marks = [Points(np.array(at)[order], value, "measured", "", low, high)]
     name, _, place = str(about["label"]).partition(" at ")
     return Panel(marks, axis, Axis(name, str(about["unit"])), str(about["label"]) if place else "")
 
