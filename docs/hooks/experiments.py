@@ -118,7 +118,7 @@ def _channels(e: Experiment) -> Iterable[str]:
         ]
         for c in e.channels
     ]
-    yield from _table(["Channel", "Unit", "", "What it is", "Largest plausible size"], rows)
+    yield from _table(["Channel", "Unit", "Needed", "What it is", "Largest plausible size"], rows)
 
 
 def _conditions(specs: Sequence[ConditionSpec]) -> Iterable[str]:
@@ -136,7 +136,7 @@ def _conditions(specs: Sequence[ConditionSpec]) -> Iterable[str]:
         ]
         for c in specs
     ]
-    yield from _table(["Condition", "Unit", "", "What it is", "What it may be", "Default"], rows)
+    yield from _table(["Condition", "Unit", "Needed", "What it is", "What it may be", "Default"], rows)
     yield from (
         "They come from `runs.csv`, the log itself, its file name or the recipe: [how](../logs.md#conditions).",
         "",

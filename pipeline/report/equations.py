@@ -11,7 +11,7 @@ from markupsafe import Markup, escape
 
 from pipeline.rigs.experiment import Equation
 
-# A word in an index is a name and stands upright; indices such as xx or kxy's are pairs of directions.
+# A word in an index is a name and stands upright; indices such as xx are pairs of directions.
 _INDEX = re.compile(r"_\{([A-Za-z]+(?:,[A-Za-z]+)*)\}")
 # The size of something: without fences the bars are set as operators, with gaps.
 _SIZE = re.compile(r"\|([^|]+)\|")

@@ -111,3 +111,15 @@ def test_search_works_from_disk_and_pages_stay_within_a_phone(site: Path, browse
         a.get_attribute("href") for a in page.query_selector_all(".md-search-result__link")
     )
     assert not faults
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_serve_screen_readers_and_keyboards(site: Path, browser: object, scheme: str) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    page = browser.new_page(viewport={"width": 1300, "height": 900}, color_scheme=scheme)
+    for name in ("index.html", "tutorial.html", "experiments/mre.shear.html"):
+        page.goto((site / name).as_uri())
+        found = Axe().run(page).response["violations"]
+        grave = [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] in ("serious", "critical")]
+        assert not grave, name
