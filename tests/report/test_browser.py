@@ -9,18 +9,31 @@ import pytest
 
 from benchmarks.pages import browser as look
 from pipeline.findings import Findings
+from pipeline.findings.comparison import compare
+from pipeline.report.compare import Compared, render_comparison
 from pipeline.report.index import index_entry, render_index
 from pipeline.report.page import render_report
 from pipeline.rigs.experiment import Experiment
 
 pytestmark = pytest.mark.skipif(not look.CHROMIUM, reason=look.MISSING)
-PAGES = ("report", "index")
+PAGES = ("report", "index", "comparison")
 
 
 @pytest.fixture(scope="module")
 def window():
     with look.browser() as opened:
         yield opened
+
+
+def moved(findings: Findings) -> Findings:
+    """The findings with every other number gone up by a standard error and a half, and one no longer told."""
+    parameters = [
+        p.model_copy(update={"value": p.value + 1.5 * p.std_error}) if p.value and p.std_error and place % 2 else p
+        for place, p in enumerate(findings.parameters[1:])
+    ]  # fmt: skip
+    return findings.model_copy(
+        update={"parameters": parameters, "verdict": "rejected", "quality": findings.quality[1:]}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +47,9 @@ def pages(
             findings, experiment, "Pads of batch 7", "rigfit run toy.pads " + "very_long_name " * 20
         ),
         "index": render_index([entry, entry, entry]),
+        "comparison": render_comparison(
+            [Compared(compare(findings, moved(findings)), experiment)], ("main", "try"), (), "rigfit compare main try"
+        ),
     }
     for name, text in made.items():
         (folder / f"{name}.html").write_text(text, "utf-8")
