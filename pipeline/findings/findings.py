@@ -43,9 +43,9 @@ class Parameter(_Strict):
     ci95: tuple[float, float] | None = Field(None, description="95 % interval, SI")
     unit: str = Field(description="SI unit; '1' for a ratio")
     at: OperatingPoint = Field(default_factory=dict, description="operating point, SI; {'run': ...} for one run")
-    description: str = ""
+    description: str = Field("", description="what it is; of one without a value, why")
     source: str = Field("", description="equation or table of the paper")
-    method: str = ""
+    method: str = Field("", description="how it was found")
 
     @model_validator(mode="after")
     def _undetermined_has_no_error(self) -> Self:
@@ -62,19 +62,21 @@ class ModelResult(_Strict):
     Models of one family were fitted to the same data: only among them do `aicc` and `bic` compare.
     """
 
-    name: str
+    name: str = Field(description="name of the model or variant")
     family: str = Field("", description="what the models compete for; '' where all of the findings do")
-    selected: bool = False
-    n_parameters: int
-    n_data: int
-    rms_residual: Number = None
+    selected: bool = Field(False, description="whether the parameters are those of this one")
+    n_parameters: int = Field(description="how many numbers were fitted")
+    n_data: int = Field(description="to how many data")
+    rms_residual: Number = Field(None, description="root mean square of the residual, in `unit`")
     unit: str = Field("", description="SI unit of rms_residual")
     nrmse: Number = Field(None, description="rms residual over rms of the measured signal about its mean")
-    chi2_reduced: Number = None
-    aicc: Number = None
-    bic: Number = None
+    chi2_reduced: Number = Field(
+        None, description="chi-square per degree of freedom; 1 where noise explains the misfit"
+    )
+    aicc: Number = Field(None, description="Akaike's criterion, corrected for few data; less is better")
+    bic: Number = Field(None, description="Bayesian criterion; less is better")
     cv_error: Number = Field(None, description="leave-one-run-out prediction error, as nrmse")
-    description: str = ""
+    description: str = Field("", description="what the model is")
 
 
 class Published(_Strict):
@@ -83,39 +85,41 @@ class Published(_Strict):
     `basis` says what `found` was computed from: these logs, or the paper's own numbers alone.
     """
 
-    name: str
-    published: float | str | None
-    found: float | str | None
-    unit: str = "1"
-    where: str = ""
-    agrees: bool | None = None
-    remark: str = ""
+    name: str = Field(description="which number or claim")
+    published: float | str | None = Field(description="what the paper says, in `unit`")
+    found: float | str | None = Field(description="what was found, in `unit`")
+    unit: str = Field("1", description="unit of both")
+    where: str = Field("", description="place in the paper")
+    agrees: bool | None = Field(None, description="null where neither can be said")
+    remark: str = Field("", description="why, or under which conditions")
     basis: Literal["logs", "paper"] = Field("logs", description="'paper': computed without these logs")
 
 
 class Quality(_Strict):
     """What was noticed about the data: see `pipeline.recording.QualityFinding`."""
 
-    level: Literal["note", "warning", "error"]
-    run: str | None = None
-    channel: str | None = None
-    span: tuple[float, float] | None = None
-    message: str
+    level: Literal["note", "warning", "error"] = Field(
+        description="note: harmless; warning: to be read before the numbers are used; error: something was left out"
+    )
+    run: str | None = Field(None, description="which run; null for all")
+    channel: str | None = Field(None, description="which channel; null for none in particular")
+    span: tuple[float, float] | None = Field(None, description="from when to when, s since the start of the run")
+    message: str = Field(description="what was noticed, in words")
 
 
 class Run(_Strict):
     """One run: its conditions (SI), whether it was used, and if not why."""
 
-    run: str
-    used: bool = True
-    reason: str = ""
-    conditions: dict[str, float | str | bool] = Field(default_factory=dict)
-    files: list[str] = Field(default_factory=list)
-    sha256: list[str] = Field(default_factory=list)
-    duration: Number = None
-    n_samples: int = 0
+    run: str = Field(description="name of the run")
+    used: bool = Field(True, description="whether it was identified")
+    reason: str = Field("", description="if not, why")
+    conditions: dict[str, float | str | bool] = Field(default_factory=dict, description="by name, SI")
+    files: list[str] = Field(default_factory=list, description="its logs")
+    sha256: list[str] = Field(default_factory=list, description="their hashes, in the same order")
+    duration: Number = Field(None, description="s")
+    n_samples: int = Field(0, description="samples of all its streams together")
     begins: Number = Field(None, description="moment of second 0, s since 1970 (UTC); null where the logs bear no date")
-    repairs: list[str] = Field(default_factory=list)
+    repairs: list[str] = Field(default_factory=list, description="what was mended at ingest, a sentence each")
 
 
 class _Known:
@@ -156,23 +160,25 @@ class Findings(_Strict):
 
     model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, populate_by_name=True)
 
-    schema_version: int = Field(SCHEMA_VERSION, alias="schema")
-    campaign: str
-    experiment: str
-    verdict: Verdict
+    schema_version: int = Field(
+        SCHEMA_VERSION, alias="schema", description="which schema; a higher one may hold other fields"
+    )
+    campaign: str = Field(description="name of the campaign")
+    experiment: str = Field(description="id of the experiment, as mre.shear")
+    verdict: Verdict = Field(description="ok: to be used; warning: with reservations; rejected: not to be used")
     reasons: list[str] = Field(default_factory=list, description="one plain sentence each: why this verdict")
-    parameters: list[Parameter] = Field(default_factory=list)
-    models: list[ModelResult] = Field(default_factory=list)
-    published: list[Published] = Field(default_factory=list)
-    quality: list[Quality] = Field(default_factory=list)
-    runs: list[Run] = Field(default_factory=list)
+    parameters: list[Parameter] = Field(default_factory=list, description="what was identified")
+    models: list[ModelResult] = Field(default_factory=list, description="the models that were compared")
+    published: list[Published] = Field(default_factory=list, description="numbers of the paper beside those found")
+    quality: list[Quality] = Field(default_factory=list, description="what was noticed about the data")
+    runs: list[Run] = Field(default_factory=list, description="all runs, also those that were left out")
     advice: list[str] = Field(default_factory=list, description="what to measure or mend next")
-    settings: dict[str, Any] = Field(default_factory=dict)
+    settings: dict[str, Any] = Field(default_factory=dict, description="settings that were used, defaults included")
     calibration: dict[str, dict[str, float]] = Field(
         default_factory=dict,
         description="by channel the standard uncertainties that are carried in: gain_u (relative), offset_u (SI)",
     )
-    provenance: dict[str, Any] = Field(default_factory=dict)
+    provenance: dict[str, Any] = Field(default_factory=dict, description="versions, and hashes of recipe and logs")
     arrays: dict[str, Any] = Field(default_factory=dict, exclude=True)
 
     _known: _Known = PrivateAttr(default_factory=lambda: _Known())
