@@ -57,10 +57,15 @@ def compare(before: str, after: str, out: Path | None) -> None:
 
 
 def _default_page() -> Path:
+    return Project.around(Path.cwd()).root / "reports" / _PAGE if _in_project() else Path(_PAGE)
+
+
+def _in_project() -> bool:
     try:
-        return Project.around(Path.cwd()).root / "reports" / _PAGE
+        Project.around(Path.cwd())
     except InputError:
-        return Path(_PAGE)
+        return False
+    return True
 
 
 def _side(word: str) -> _Side:
@@ -68,6 +73,8 @@ def _side(word: str) -> _Side:
     path = Path(word)
     if path.name == "findings.json" or (path / "findings.json").is_file() or path.suffix == ".json":
         return _Side(word, findings_of(word)[0])
+    if path.exists() and not _in_project():
+        raise InputError(f"{word}: holds no findings.json; name one, or the folder of one.")
     project = Project.around(Path.cwd())
     if (project.root / "recipes" / f"{word}.yaml").is_file():
         return _Side(word, findings_of(word)[0])

@@ -78,8 +78,11 @@ def _signals(findings: Findings, experiment: Experiment, results: Path, folder: 
                 f"campaign '{findings.campaign}': there are no recordings beside its findings, and {experiment.id} keeps no signal "
                 "over time among them; nothing to export. 'rigfit ingest' with its name brings the recordings back."
             )
-        say(f"{experiment.id} keeps no modelled signal over time: the files hold what was measured, conditions and parameters.",
-            err=True)  # fmt: skip
+        say(
+            f"the findings of '{findings.campaign}' hold no modelled signal over time: the files hold what was measured, conditions "
+            "and parameters.",
+            err=True,
+        )
     elif without:
         say(f"without modelled signals, since the findings hold none of them: {listing(without, 8)}.", err=True)
 

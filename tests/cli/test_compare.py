@@ -58,6 +58,18 @@ def test_a_file_and_its_folder_name_the_same_findings(tmp_path: Path, rigfit: Ca
     assert "every number are the same" in (tmp_path / "page.html").read_text()
 
 
+def test_outside_a_project_a_folder_without_findings_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rigfit: Callable
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    storage.write(findings(1e5), tmp_path / "a")
+    assert "empty: holds no findings.json" in rigfit("compare", "a", "empty").err
+    assert "not inside a rigfit project" in rigfit("compare", "a", "yesterday").err
+    assert rigfit("compare", "a", "a").status == 0
+    assert (tmp_path / "comparison.html").is_file()
+
+
 def test_different_experiments_are_refused(project: Path, rigfit: Callable) -> None:
     put(project, findings(1e5))
     put(project, findings(1e5, "two", "mre.axial"))
