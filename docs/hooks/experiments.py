@@ -102,6 +102,8 @@ def _abilities(e: Experiment) -> Iterable[str]:
         yield "- Says which further runs would tell most: `rigfit advise CAMPAIGN`"
     if builds:
         yield f"- Can build on the findings of {builds}: `uses: [CAMPAIGN]` in the recipe, `--with FINDINGS` of `rigfit run`"
+    if e.signals:
+        yield "- Hands on what was measured and modelled over time, for Foxglove and PlotJuggler: `rigfit export CAMPAIGN --to mcap`"
     if e.reads_blocks:
         yield "- Holds only blocks of a record in memory, whatever its length"
     yield ""

@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from told_blocks import ROOT, Block, fenced, indented_commands, make_project, missing, typed
+from told_blocks import ROOT, Block, fenced, indented_commands, inline_commands, make_project, missing, typed
 
 TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -18,8 +18,20 @@ SET_UP = {
     "make reports": "sets up and runs the example campaigns: minutes",
     "make test": "sets up and runs these tests",
 }
+NOT_TYPED = {
+    "rigfit new mre.shear sample-c --datasets s3://lab-logs/sample-c": "needs a bucket; tests/cli/test_remote_logs.py has one",
+    "RIGFIT_ENGINE=dask://HOST:8786 dvc repro": "needs a cluster; tests/campaign has one",
+}
 COMPARING = "## Comparing two settings"
 git = pytest.mark.skipif(not shutil.which("git") or not shutil.which("bash"), reason="no git or bash here")
+
+
+def type_inline(page: str, folder: Path) -> None:
+    """Type what running text names: a command with what it is given as it stands, a bare name with --help."""
+    for command in dict.fromkeys(inline_commands(page)):
+        if command not in SET_UP | NOT_TYPED and not command.startswith("make "):
+            bare = re.fullmatch(r"rigfit \w+", command)
+            typed(folder, f"{command} --help" if bare else command.replace("LOG", "made/*"))
 
 
 def follow(blocks: list[Block], folder: Path) -> None:
@@ -52,6 +64,7 @@ def test_the_tutorial_leads_to_a_report(followed: Path) -> None:
 @pytest.mark.thorough
 def test_the_tutorial_goes_on_to_a_comparison(followed: Path) -> None:
     follow(list(fenced(TUTORIAL[TUTORIAL.index(COMPARING) :])), followed)
+    type_inline(TUTORIAL, followed)
 
 
 def test_set_up_commands_are_real() -> None:
@@ -97,6 +110,7 @@ def test_every_command_of_the_readme_runs(readme_project: Path) -> None:
             .replace("--speed 10", "--speed 1e6")
         )
         typed(readme_project, there.replace("dvc repro", "dvc repro --keep-going"))
+    type_inline(README, readme_project)
     assert (readme_project / "reports" / "sample-b" / "report.html").exists()
 
 

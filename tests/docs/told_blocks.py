@@ -39,6 +39,14 @@ def indented_commands(page: str) -> Iterator[str]:
                 yield command
 
 
+def inline_commands(page: str) -> Iterator[str]:
+    """Yield the commands that running text and tables name, with what they are given."""
+    text = _INDENTED.sub("", _FENCE.sub("", page))
+    for command in re.findall(r"(?<!`)`([^`\n]+)`(?!`)", text):
+        if re.match(r"(?:[A-Z_]+=\S+ )?(?:rigfit|dvc|make|pip|python) ", command):
+            yield command
+
+
 def typed(folder: Path, commands: str) -> str:
     """Type commands into a shell in `folder`; return what they print. A failure fails the test."""
     environment = {

@@ -22,7 +22,7 @@ EQUATIONS = (
     ),
     Equation(
         r"e = \frac{\hat Q - Q_{meter}}{Q_{meter}}, \qquad \max|e|, \qquad e_{rms} = \sqrt{ \overline{e^2} }",
-        "Relative errors of the windows that were held out.",
+        "Relative errors of the windows against the flow meter.",
         "5.3",
     ),
 )

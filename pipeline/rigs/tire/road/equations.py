@@ -8,7 +8,7 @@ from pipeline.rigs.tire.bench.equations import RING
 EQUATIONS = (
     *RING,
     Equation(
-        r"V = V_{IN} \frac{R_2(\theta; F_z, F_x) + R_0}{R_1 + R_2(\theta; F_z, F_x) + R_0}",
+        r"V = V_{IN} \frac{R_2}{R_1 + R_2}, \qquad R_2(\theta) = R_0 + 2\, \mathrm{Re} \sum_{n \ge 1} R_{2,n}(F_z, F_x)\, e^{i n \theta}",
         "Each revolution is fitted in the divider's voltage for load, longitudinal force, angle and resistance at rest, with the ring of the bench.",
         "eq. (4)",
     ),
@@ -18,7 +18,7 @@ EQUATIONS = (
         "3.5",
     ),
     Equation(
-        r"z_{j+1} = \begin{pmatrix} 1 & \Delta t \\ 0 & 1 \end{pmatrix} z_j + v_j, \qquad \mathrm{cov}\, v_j = q \begin{pmatrix} \Delta t^3/3 & \Delta t^2/2 \\ \Delta t^2/2 & \Delta t \end{pmatrix}",
+        r"z_{j+1} = \begin{pmatrix} 1 & \Delta t \\ 0 & 1 \end{pmatrix} z_j + v_j, \qquad \mathrm{cov}\, v_j = q^2 \begin{pmatrix} \Delta t^3/3 & \Delta t^2/2 \\ \Delta t^2/2 & \Delta t \end{pmatrix}",
         "Tracks: value and slope of load, force and rotation in a Kalman filter, the slope a random walk.",
         "sheet, 5",
     ),
