@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from functools import cached_property
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pipeline.campaign import yaml_text
@@ -36,7 +37,9 @@ class Revision:
 
     def __init__(self, project: Project, name: str) -> None:
         self.project, self.name = project, name
-        self._files: Any = None if name == PRESENT else _files_of(project, name)
+        self._files: Any = None
+        if name != PRESENT:
+            self._files, self._place = _files_of(project, name)
 
     @cached_property
     def campaigns(self) -> list[str]:
@@ -75,9 +78,8 @@ class Revision:
         from dvc.exceptions import DvcException
 
         try:
-            if not self._files.exists(path):
-                return None
-            return bytes(self._files.read_bytes(path))
+            place = (self._place / path).as_posix()
+            return bytes(self._files.read_bytes(place)) if self._files.exists(place) else None
         except FileNotFoundError as error:
             raise InputError(
                 f"{path} at '{self.name}': DVC knows its hash, but its bytes are not in the cache here ({error}). "
@@ -88,17 +90,17 @@ class Revision:
             raise InputError(f"{path} at '{self.name}': cannot be read ({error}).") from error
 
 
-def _files_of(project: Project, name: str) -> Any:
-    """Return the file system of DVC at a revision."""
+def _files_of(project: Project, name: str) -> tuple[Any, PurePosixPath]:
+    """Return the file system of DVC at a revision, and where in it the project lies: it may be a folder of its repository."""
     from dvc.api import DVCFileSystem
     from dvc.exceptions import DvcException, NotDvcRepoError
     from dvc.scm import RevError, SCMError
 
     logging.getLogger("dvc").setLevel(logging.CRITICAL)  # what it has to say is said in our words
     try:
-        files = DVCFileSystem(str(project.root), rev=name)
-        files.repo  # noqa: B018  # it is opened when it is first asked for
-        return files
+        files = DVCFileSystem(str(project.root), rev=name, subrepos=True)
+        top = Path(files.repo.scm.root_dir).resolve()  # the repository is opened when it is first asked for
+        return files, PurePosixPath("/", project.root.resolve().relative_to(top).as_posix())
     except RevError as error:
         raise InputError(
             f"'{name}': no revision of this project, nor one of its campaigns, nor a findings.json or its folder. A revision is "

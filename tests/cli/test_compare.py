@@ -96,23 +96,25 @@ def test_a_word_that_names_nothing_is_told_what_it_may_name(project: Path, rigfi
     assert "there is no findings.json" in rigfit("compare", "nothing/here.json", "one").err
 
 
+def run(folder: Path, *words: str) -> None:
+    """Run a command of Git or DVC in a folder."""
+    environment = {**os.environ, "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}", "GIT_CONFIG_GLOBAL": os.devnull}
+    done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.fixture
 def kept(project: Path) -> Path:
     """The project under Git and DVC; its first state, k1 = 100 kN/m, is called `then`."""
 
-    def run(*words: str) -> None:
-        environment = {**os.environ, "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}", "GIT_CONFIG_GLOBAL": os.devnull}
-        done = subprocess.run(words, cwd=project, env=environment, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-
     (project / "dvc.yaml").write_text("stages: {}\n")
     put(project, findings(1e5))
-    run("git", "init", "-q")
-    run("dvc", "init", "-q")
-    run("dvc", "add", "-q", "reports/one/findings.json")
-    run("git", "add", "-A")
-    run("git", "-c", "user.name=t", "-c", "user.email=t@example.org", "commit", "-qm", "then")
-    run("git", "tag", "then")
+    run(project, "git", "init", "-q")
+    run(project, "dvc", "init", "-q")
+    run(project, "dvc", "add", "-q", "reports/one/findings.json")
+    run(project, "git", "add", "-A")
+    run(project, "git", "-c", "user.name=t", "-c", "user.email=t@example.org", "commit", "-qm", "then")
+    run(project, "git", "tag", "then")
     put(project, findings(0.998e5))
     return project
 
@@ -133,3 +135,23 @@ def test_a_revision_is_read_from_dvc_and_held_against_the_present(kept: Path, ri
             blob.chmod(0o644)
             blob.unlink()
     assert "its bytes are not in the cache here" in rigfit("compare", "then").err
+
+
+def test_a_project_in_a_folder_of_its_repository_is_found_there(
+    project: Path, monkeypatch: pytest.MonkeyPatch, rigfit: Callable
+) -> None:
+    put(project, findings(1e5))
+    inner = project / "labs" / "pads"
+    inner.mkdir(parents=True)
+    for name in ("params.yaml", "dvc.yaml", "recipes", "reports"):
+        (project / name).rename(inner / name)
+    (inner / "dvc.yaml").write_text("stages: {}\n")
+    run(project, "git", "init", "-q")
+    run(inner, "dvc", "init", "-q", "--subdir")
+    run(inner, "dvc", "add", "-q", "reports/one/findings.json")
+    run(project, "git", "add", "-A")
+    run(project, "git", "-c", "user.name=t", "-c", "user.email=t@example.org", "commit", "-qm", "then")
+    monkeypatch.chdir(inner)
+    told = rigfit("compare", "HEAD")
+    assert told.status == 0, told.err
+    assert "one: ok; no parameter changed" in told.out
