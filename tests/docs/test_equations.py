@@ -228,3 +228,50 @@ def test_membrane_housing_and_speed_of_sound() -> None:
     told = value(right_side("rap.therapy", "T(t)"), numbers)
     assert told == pytest.approx(float(thermal.housing_temperature(3600.0, 298.0, 303.0, 1200.0)))
     assert value(right_side("rap.therapy", "c(T)"), numbers) == pytest.approx(float(tank.sound_speed(300.0)))
+
+
+def test_the_film_over_the_flex_sensor() -> None:
+    from pipeline.rigs.tire.ring.pvdf import film_over_flex
+    from pipeline.rigs.tire.ring.sensor import averaging, voltage_slope
+
+    R, Lp, Ls, n = 0.3171, 0.02, 0.05, 7
+    latex = right_side("tire.bench", r"\frac{V_{p,n}}{R_{2,n}}").replace("G'", "g")
+    latex = latex.replace("S(n L_p)", "P").replace("S(n L_s)", "S")
+    numbers = {"g": 1.7, "i": 1j, "n": n, r"\Delta \theta": 0.02, r"\Omega": 30.0, r"\tau_p": 0.1, r"\tau_f": 1e-3}
+    numbers |= {"P": float(averaging(n, Lp, R)), "S": float(averaging(n, Ls, R))}
+    found = film_over_flex(
+        np.array([n]),
+        30.0,
+        gain=1.7,
+        time_constant=0.1,
+        offset_angle=0.02,
+        film_length=Lp,
+        flex_length=Ls,
+        flex_lag=1e-3,
+        R=R,
+    )
+    assert value(latex, numbers) == pytest.approx(complex(found[0]), rel=1e-12)
+    numbers = {"V_{IN}": 3.3, "R_1": 1e4, "R_2": 1.3e4, "a_1": 0.4, "a_2": -2e-5, "F_z": 3000.0}
+    told = value(right_side("tire.bench", "dV/dF_z"), numbers)
+    assert told == pytest.approx(float(voltage_slope(np.array(1.3e4), 3.3, 1e4)) * (0.4 - 2 * 2e-5 * 3000.0), rel=1e-12)
+
+
+def test_the_speeds_of_ring_and_sun() -> None:
+    from pipeline.rigs.gearbox.model.kinematics import ring_speed, sun_speed
+
+    numbers = {r"\omega_{C1}": 12.0, r"\omega_{C2}": 5.0, "u_1": -5 / 3, "u_2": -25 / 3}
+    ring = value(right_side("gearbox.load_exchange", r"\omega_R"), numbers)
+    assert ring == pytest.approx(ring_speed(12.0, 5.0, -5 / 3, -25 / 3), rel=1e-12)
+    sun = value(right_side("gearbox.load_exchange", r"\omega_S"), numbers | {r"\omega_R": ring})
+    assert sun == pytest.approx(sun_speed(ring, 12.0, -5 / 3), rel=1e-12)
+
+
+def test_the_maxwell_branch_from_sample_to_sample() -> None:
+    from pipeline.rigs.mre.model.linear_solid import maxwell_along
+
+    tau, dt = 0.02, 0.003
+    x = np.array([0.0, 1e-4, 3e-4])
+    u = maxwell_along(np.arange(3) * dt, x, tau)[:, 0]
+    latex = right_side("mre.shear_rich", "u_{i+1}").replace(r"\Delta t", "h").replace("(x_{i+1} - x_i)", "s")
+    told = value(latex, {r"\tau": tau, "h": dt, "u_i": float(u[1]), "s": 2e-4})
+    assert told == pytest.approx(float(u[2]), rel=1e-12)
