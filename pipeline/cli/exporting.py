@@ -118,7 +118,8 @@ def _recordings(findings: Findings, results: Path) -> dict[str, ingested.Recordi
         )
         return None
     found = ingested.load(place)
-    return {run: ingested.Recordings([[place / name for name in files]]) for run, files in found.files.items()}
+    whole = found.recordings()
+    return {run: whole[number : number + 1] for number, run in enumerate(found.files)}
 
 
 def _write(path: Path, content: bytes) -> None:

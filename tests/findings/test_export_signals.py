@@ -240,6 +240,13 @@ def test_the_command_exports_a_run_of_rigfit_run_with_its_recordings(tmp_path: P
     model = [fields["model"] for _, fields in messages["/findings/pulls"]]
     np.testing.assert_array_equal(model, table[table["run"] == "pull_2"]["model"])
     assert metadata["conditions"]["wire_diameter"] == "0.001 m"
+    recording = tmp_path / "out" / "recordings" / "pull_2.parquet"
+    whole = recording.read_bytes()
+    recording.write_bytes(whole[:-400])
+    told = rigfit("export", tmp_path / "out", "--to", "mcap")
+    assert told.status == 2
+    assert "damaged" in told.err
+    recording.write_bytes(whole)
     content = json.loads((tmp_path / "out" / "findings.json").read_text())
     content["runs"][0]["sha256"] = ["0" * 64]
     (tmp_path / "out" / "findings.json").write_text(json.dumps(content))
