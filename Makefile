@@ -3,6 +3,7 @@
 # make test-thorough  the same with the tests that take seconds each
 # make docs      set up, build the documentation site into site/; a warning is an error
 # make benchmark set up, print the ratios of docs/performance.md
+# make screenshots  set up, take pictures of all reports, check each in a browser
 # make coverage-study  do the intervals hold the truth? hours; writes the tables of docs/uncertainty.md
 PYTHON ?= python3
 VENV := .venv
@@ -10,7 +11,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: the matrices are small, and two threads on two busy cores are slower than one.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: reports test tests test-thorough lint docs benchmark coverage-study schema setup clean
+.PHONY: reports test tests test-thorough lint docs benchmark screenshots coverage-study schema setup clean
 .DEFAULT_GOAL := reports
 
 $(VENV)/ready: requirements.txt pyproject.toml
@@ -50,6 +51,10 @@ docs: setup
 
 benchmark: setup
 	$(BIN)/python -m benchmarks
+
+# Of the reports that 'make reports' left; needs Chromium, and poppler-utils for the printed sheets.
+screenshots: setup
+	$(BIN)/python -m benchmarks.pages
 
 coverage-study: setup
 	$(BIN)/python -m benchmarks.coverage --write

@@ -26,7 +26,7 @@ PAPER = {"format": "A4", "prefer_css_page_size": True, "print_background": False
 _SHEET = (round((210 - 24) / 25.4 * 96), round((297 - 28) / 25.4 * 96))
 _SERIOUS = ("serious", "critical")
 
-_CUT = """sheet => [...document.querySelectorAll('figure:not(.long), .panel, tr, .scroll.short')]
+_CUT = """sheet => [...document.querySelectorAll('figure:not(.long), .panel, tr')]
   .filter(e => e.getBoundingClientRect().height > sheet)
   .map(e => (e.closest('[data-name]') || e).dataset.name || e.tagName)"""
 _BESIDE = """() => [...document.querySelectorAll('body *')].filter(e => {

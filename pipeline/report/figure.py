@@ -14,19 +14,21 @@ from typing import ClassVar
 
 from markupsafe import Markup, escape
 
-from pipeline.findings.figures import Axis, Figure, Matrix
+from pipeline.findings.figures import Axis, Figure, Mark, Matrix
 from pipeline.report.heat_map import label_room, lies_flat
 from pipeline.report.labels import Key, ends, keys
 from pipeline.report.palette import Style, style
 from pipeline.report.panel import Frame, draw_panel, draw_thumbnail, drawing, title_lines, y_label_lines
 from pipeline.report.scale import Scale, equal, extent, scale, unit_for
 from pipeline.report.texts import room_over
-from pipeline.report.words import clean, text_width
+from pipeline.report.words import clean, text_width, typeset
 from pipeline.report.zoom import Signal, signals
 
 _MOST_COLUMNS = 4
 _MOST_PANELS = 60  # of one figure; more are the experiment's to sum up
-_WHOLE_ON_A_PAGE = 12  # panels; a larger figure may break between its rows in print
+# A sheet's width and what key, heading and caption leave of its height; panels stand in at most three columns there.
+_SHEET_WIDTH, _SHEET_HEIGHT, _SHEET_COLUMNS = 700.0, 830.0, 3
+_LEAST_SHARE = 0.7  # of the sheet's width; a figure that must be smaller to stay whole breaks between its rows
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,7 @@ class FigureView:
     key: Markup
     grids: Sequence[tuple[str, Sequence[Markup]]]
     breaks: bool
+    share: int = 100
     signals: Sequence[Signal] = field(default=(), compare=False, repr=False)
 
 
@@ -77,15 +80,16 @@ def figure_view(figure: Figure, number: int) -> FigureView:
     number
         Its number in the page; goes into the ids of the SVG.
     """
-    figure = _abridged(figure)
+    figure = _typeset(_abridged(figure))
     columns = max(1, min(figure.columns, len(figure.panels), _MOST_COLUMNS))
     scales = _scales(figure)
-    grids = []
-    widest = 0.0
+    grids: list[tuple[str, list[Markup]]] = []
+    widest, share = 0.0, 1.0
     with drawing():
         for shape in _SHAPES[columns]:
             frames = _frames(figure, scales, columns, shape)
             widest = max([widest, *(frame.inner[0] for frame in frames)])
+            share = min(share, 1.0 if grids else _printed_share(frames, columns))
             drawn = []
             for place, (panel, (x, y), frame) in enumerate(zip(figure.panels, scales, frames, strict=True)):
                 if panel.equal and not x.log and not y.log:
@@ -95,9 +99,18 @@ def figure_view(figure: Figure, number: int) -> FigureView:
             grids.append((shape.name, drawn))
     return FigureView(
         number, figure.name, clean(figure.title), clean(figure.caption), _alt(figure), columns,
-        key_markup(keys(figure, columns)), grids, len(figure.panels) > _WHOLE_ON_A_PAGE,
+        key_markup(keys(figure, columns)), grids, share < _LEAST_SHARE, 100 if share < _LEAST_SHARE else int(100 * share),
         signals(figure, number, scales, widest),
     )  # fmt: skip
+
+
+def _printed_share(frames: Sequence[Frame], columns: int) -> float:
+    """Return the share of a sheet's width at which all rows of panels stand on it together."""
+    beside = min(columns, _SHEET_COLUMNS)
+    rows = [frames[start : start + beside] for start in range(0, len(frames), beside)]
+    width = _SHEET_WIDTH / beside
+    height = sum(max(frame.height * min(width / frame.width, 1.0) for frame in row) + 6 for row in rows)
+    return min(_SHEET_HEIGHT / height, 1.0)
 
 
 def _abridged(figure: Figure) -> Figure:
@@ -107,6 +120,17 @@ def _abridged(figure: Figure) -> Figure:
         return figure
     caption = f"{figure.caption} The first {_MOST_PANELS} of {len(figure.panels)} panels are drawn."
     return replace(figure, panels=figure.panels[:_MOST_PANELS], caption=caption.strip())
+
+
+def _typeset(figure: Figure) -> Figure:
+    """Return the figure with the signs that a typewriter lacks in all its words."""
+
+    def told(mark: Mark) -> Mark:
+        return mark if isinstance(mark, Matrix) or not mark.label else replace(mark, label=typeset(mark.label))
+
+    panels = [replace(p, title=typeset(p.title), marks=[told(mark) for mark in p.marks]) for p in figure.panels]
+    title, caption, alt = typeset(figure.title), typeset(figure.caption), typeset(figure.alt)
+    return replace(figure, panels=panels, title=title, caption=caption, alt=alt)
 
 
 def thumbnail(figure: Figure, owner: str, width: float = 240, height: float = 130) -> Markup:

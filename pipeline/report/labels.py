@@ -80,7 +80,10 @@ def ends(figure: Figure, panel: Panel, columns: int) -> Mapping[str, Line | Poin
     """Return the marks that are named at their right end, by label; the rest belongs to `keys`."""
     by_role = _roles_differ(panel)
     drawn = [mark for mark in panel.marks if isinstance(mark, Line | Points) and label_of(mark, by_role)]
-    drawn = [mark for mark in drawn if _reaches_the_right(mark, panel)]
+    near = [mark for mark in drawn if _reaches_the_right(mark, panel)]
+    if any(isinstance(m, Points) and not _reaches_the_right(m, panel) for m in drawn):
+        near = [mark for mark in near if not isinstance(mark, Points)]  # points beside points are named in one place
+    drawn = near
     if any(isinstance(mark, Outline | Stems) or (isinstance(mark, Line) and mark.closed) for mark in panel.marks):
         return {}
     if columns > 2 or not all(_runs_to_the_right(mark) for mark in drawn):
@@ -101,7 +104,7 @@ def ends(figure: Figure, panel: Panel, columns: int) -> Mapping[str, Line | Poin
 
 
 def keys(figure: Figure, columns: int) -> list[Key]:
-    """Return the key of a figure: every label that is not written at its mark, once."""
+    """Return the key of a figure: every label that is neither at its mark nor the title of its panel, once."""
     found: dict[tuple[str, Role], Key] = {}
     for panel in figure.panels:
         by_role = _roles_differ(panel)
@@ -110,7 +113,7 @@ def keys(figure: Figure, columns: int) -> list[Key]:
             if not isinstance(mark, Named):
                 continue
             label = clean(mark.label) if isinstance(mark, Band) else label_of(mark, by_role)
-            if label and label not in at_ends:
+            if label and label not in at_ends and label != clean(panel.title):
                 known = found.get((label, mark.role), Key(label, mark.role))
                 found[label, mark.role] = known.also(mark)
     return list(found.values())

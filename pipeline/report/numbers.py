@@ -175,6 +175,10 @@ def aligned_readings(readings: Sequence[Reading | None]) -> list[str]:
     written = []
     for shown, value, error, digits in zip(readings, values, errors, whole, strict=True):
         lead = _DIGIT_SPACE * (max(whole) - digits)
+        if (
+            shown and not shown.error and _is_plain(shown.value)
+        ):  # as wide as a value with an error, for the point's sake
+            value += "\u00a0" * 2 + _DIGIT_SPACE * (1 + len(max(errors, key=len)))
         written.append(f"{value} ± {lead}{error}" if shown and shown.error else value)
     return written
 

@@ -23,7 +23,7 @@ from pipeline.report.reading_units import ReadingUnit, reading_unit, size_of, ty
 from pipeline.report.symbols import symbol_html
 from pipeline.report.table import MOST_ROWS, Head, Shown, TableView, table_view
 from pipeline.report.uncertainty import type_a
-from pipeline.report.words import clean
+from pipeline.report.words import clean, typeset
 from pipeline.rigs.experiment import Experiment
 
 # A key parameter with more operating points than that is summed up by its range.
@@ -189,8 +189,8 @@ def _meaning(parameter: Parameter, experiment: Experiment) -> str:
     spec = next((spec for spec in experiment.parameters if spec.name == parameter.name), None)
     declared = spec.description if spec else ""
     if parameter.value is None:
-        return "; ".join(filter(None, (clean(declared), _reason(parameter, declared))))
-    return clean(parameter.description) or clean(declared)
+        return typeset("; ".join(filter(None, (clean(declared), _reason(parameter, declared)))))
+    return typeset(clean(parameter.description) or clean(declared))
 
 
 def _reason(parameter: Parameter, declared: str) -> str:
@@ -310,7 +310,7 @@ def _about(parameters: Sequence[Parameter], name: str, experiment: Experiment) -
     for reason, count in reasons.items():
         told = _UNDETERMINED if len(same) == 1 else f"{_UNDETERMINED} in {count} of {len(same)}"
         parts.append(f"{told}: {reason}" if reason else told)
-    return "; ".join(filter(None, parts)) + "."
+    return typeset("; ".join(filter(None, parts)) + ".")
 
 
 def _value(parameter: Parameter | None) -> Value | None:

@@ -12,13 +12,16 @@ from markupsafe import Markup
 from pipeline.findings.figures import Cell, Column, Status, Table, Value
 from pipeline.report.numbers import THIN, Reading, aligned_readings, alike, reading
 from pipeline.report.reading_units import ReadingUnit, reading_unit, size_of, typical
-from pipeline.report.words import clean
+from pipeline.report.words import clean, text_width, typeset
 
 MOST_ROWS = 200
 NOTHING = "–"
 _HEIGHTS = {"long": 26, "tall": 9, "short": 0}  # rows
 _PROSE_FROM = 30  # signs
 _WIDTHS = {"widest": 13, "wider": 10, "wide": 8}  # columns
+# Width of an A4 sheet and of a cell's padding in ems of the print type of "widest", "wider", "wide" and none (style.css).
+_SHEET = ((96.0, 0.7), (88.0, 0.65), (73.0, 1.05), (61.0, 1.7))
+_SMALLER = 0.9  # type of a second line
 
 
 @dataclass(frozen=True)
@@ -56,9 +59,18 @@ class TableView:
     @property
     def size(self) -> str:
         """CSS classes: wide tables get smaller type on paper, long ones scroll in a box, short ones stay whole."""
-        width = next((name for name, columns in _WIDTHS.items() if len(self.heads) >= columns), "")
+        width = self._width
         height = next((name for name, rows in _HEIGHTS.items() if len(self.rows) >= rows), "")
         return f"{width} {height}".strip()
+
+    @property
+    def _width(self) -> str:
+        """Return the smallest class of type in which the columns fit a sheet, by their number or by their texts."""
+        by_number = next((place for place, columns in enumerate(_WIDTHS.values()) if len(self.heads) >= columns), 3)
+        rooms = [_room(head, [row[place] for row in self.rows]) for place, head in enumerate(self.heads)]
+        needed, names = sum(rooms), [*_WIDTHS, ""]
+        fits = [place for place, (most, padding) in enumerate(_SHEET) if needed + padding * len(rooms) <= most]
+        return names[min(by_number, max(fits, default=0))]
 
     def numbered(self, number: int) -> TableView:
         """Return the table with its number in the page."""
@@ -86,6 +98,18 @@ def table_view(table: Table, most_rows: int = MOST_ROWS) -> TableView:
         rows=[list(row) for row in zip(*(cells for _, cells in laid), strict=True)] if laid else [],
         left_out=len(table.rows) - len(rows),
     )
+
+
+def _room(head: Head, cells: Sequence[Shown]) -> float:
+    """Return how wide a column is at least, in ems: numbers stay on a line, words may break."""
+    widths = [text_width(word, 1.0) for word in str(head.text).split()] + [_SMALLER * text_width(head.unit, 1.0)]
+    for cell in cells:
+        text = cell.text.striptags() if isinstance(cell.text, Markup) else cell.text
+        lines = [(text, 1.0), (cell.below, _SMALLER)]
+        for line, size in lines:
+            parts = [line] if "number" in cell.kind else line.split()
+            widths += [size * text_width(part, 1.0) for part in parts]
+    return max(widths)
 
 
 def column_unit(column: Column, cells: Sequence[Cell]) -> ReadingUnit:
@@ -118,7 +142,7 @@ def _column(column: Column, cells: Sequence[Cell]) -> tuple[Head, list[Shown]]:
             without = _words(cell)
             shown.append(replace(without, kind="number missing" if without.text == NOTHING else "number"))
         else:
-            note = clean(cell.note) if isinstance(cell, Value) else ""
+            note = typeset(clean(cell.note)) if isinstance(cell, Value) else ""
             shown.append(Shown(text, "; ".join(filter(None, (found.interval, note))), "number"))
     return Head(_text(column.heading), unit.name, True), shown
 
@@ -168,4 +192,4 @@ def _words(cell: Cell) -> Shown:
 
 
 def _text(text: str) -> str:
-    return text if isinstance(text, Markup) else clean(text)
+    return text if isinstance(text, Markup) else typeset(clean(text))

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
+
+from markupsafe import Markup
+
+_TYPESET = {"+-": "±", "-": "−", "um": "µm", "degC": "°C"}
+_TYPEWRITTEN = re.compile(r"\+-(?= ?\d)|(?<![^\s(±+])-(?=\d)|(?<=\d )um\b|(?<=\d )degC\b|(?<=in )degC\b")
 
 
 def clean(text: str) -> str:
     """Return `text` on one line, without control signs, lone surrogates and signs that turn the reading direction."""
     kept = (" " if _breaks(sign) else sign for sign in text if _breaks(sign) or _shows(sign))
     return "".join(kept).strip()
+
+
+def typeset(text: str) -> str:
+    """Return `text` with the signs that a typewriter lacks: plus-minus, minus before a number, micro, degree."""
+    return text if isinstance(text, Markup) else _TYPEWRITTEN.sub(lambda found: _TYPESET[found[0]], text)
 
 
 def _breaks(sign: str) -> bool:
@@ -29,7 +40,13 @@ def _shows(sign: str) -> bool:
 def text_width(text: str, size: float) -> float:
     """Return about how wide `text` is at font `size`: on the wide side, so that nothing is clipped."""
     return size * sum(
-        0.0 if unicodedata.combining(sign) else 1.0 if unicodedata.east_asian_width(sign) in "WF" else 0.58
+        0.0
+        if unicodedata.combining(sign)
+        else 1.0
+        if unicodedata.east_asian_width(sign) in "WF"
+        else 0.7
+        if sign.isupper()
+        else 0.58
         for sign in text
     )
 

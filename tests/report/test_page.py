@@ -245,7 +245,7 @@ def test_a_table_takes_any_cell():
                    [None, "z", 7, 2e6]])  # fmt: skip
     view = table_view(table)
     assert [head.unit for head in view.heads] == ["mm", "", "", "MPa"]
-    assert [row[0].text.strip("\u2007\u2008") for row in view.rows] == ["1", "2.000 ± 0.010", "words", "–"]
+    assert [row[0].text.strip("\u2007\u2008\u00a0") for row in view.rows] == ["1", "2.000 ± 0.010", "words", "–"]
     assert [row[2].text for row in view.rows] == ["12\u202f000", "3", "–", "7"]
     assert [row[3].text for row in view.rows] == ["yes", "–", "–", "2"]
 
@@ -253,7 +253,7 @@ def test_a_table_takes_any_cell():
 def test_a_ratio_may_be_read_in_percent():
     view = table_view(Table("t", "T", "", [Column("misfit", "%")], [[Value(0.0123, 0.00042)], [0.5]]))
     assert view.heads[0].unit == "%"
-    assert [row[0].text.strip("\u2007\u2008") for row in view.rows] == ["1.230 ± 0.042", "50"]
+    assert [row[0].text.strip("\u2007\u2008\u00a0") for row in view.rows] == ["1.230 ± 0.042", "50"]
 
 
 def test_short_rows_and_too_many_rows_are_laid_out():

@@ -172,7 +172,7 @@ def _tone_table(table: pd.DataFrame, number: int) -> Table:
     return Table(
         f"tones_{number}",
         "Coefficients at each tone",
-        "Real part of H, and imaginary part over w; type A.",
+        "What does each tone tell by itself? Real part of H, and imaginary part over ω; type A.",
         [Column("frequency", "Hz"), *(Column(name, units[name[0]]) for name in names)],
         rows,
     )
@@ -186,7 +186,7 @@ def _added_mass(table: pd.DataFrame, number: int) -> Table:
     return Table(
         f"added_mass_{number}",
         "The same with an added mass (KCM)",
-        "Re H = K - w² M. An M of about plus or minus the stator's mass would say that its inertia was not, or twice, taken off; equal "
+        "Is a mass left in it? Re H = K − ω² M. An M of about plus or minus the stator's mass would say that its inertia was not, or twice, taken off; equal "
         "M/C in all directions would say that the displacement is late by that time.",
         [Column("entry"), Column("K", "N/m"), Column("M", "kg")],
         rows,

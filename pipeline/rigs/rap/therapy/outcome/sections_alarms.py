@@ -77,11 +77,11 @@ def _timeline(findings: Findings, run: str) -> Figure:
     legend = ", ".join(f"{place} {code}" for place, code in enumerate(codes))
     panels = [Panel(marks, axis, Axis("state", whole=True), f"states: {key}")] if marks else []
     if marked:
-        panels.append(Panel(marked, axis, Axis("alarm", whole=True), f"alarms: {legend}"))
+        panels.append(Panel(marked, axis, Axis("alarm", whole=True), "alarms, by the numbers below"))
     return Figure(
         f"timeline_{run}", f"Run {run}: states and alarms",
         "Did the device do what it should, and when? States as the log's events and pressures give them beside those the device wrote; alarms "
-        "that were due beside the logged codes.",
+        "that were due beside the logged codes" + (f": {legend}." if codes else "."),
         f"states of the device and alarms of run {run} over time, re-derived and logged", panels, share_x=True,
     )  # fmt: skip
 
