@@ -194,7 +194,7 @@ def _seen(data: bytes, folder: Path) -> None:
 
     made = folder / "made"
     shutil.copytree(_campaigns() / "recordings", made)
-    text = data.decode("utf-8", "surrogatepass" if b"\xed" in data else "replace").replace("\n", " ")
+    text = data.decode("utf-8", "replace").replace("\n", " ")
     digest = seen._digest(text) if text.isprintable() or text.isascii() else "0"
     (folder / ".made.seen.json").write_text(f"{digest}\n{text}\n", encoding="utf-8", errors="replace")
     runs = logs.runs_of(logs.of_folder(_campaigns() / "logs"))[:1]

@@ -80,6 +80,8 @@ class Head:
             head = cls(**{**content, "first": first})
         except (TypeError, ValueError, KeyError, AttributeError):
             return None
+        if any(values.size > _PLACES.size for values in first.values()):
+            return None
         sound = isinstance(head.run, str) and isinstance(head.files, str) and isinstance(head.rows, int)
         labels = isinstance(head.labels, dict) and all(
             isinstance(v, bool | int | float | str) for v in head.labels.values()

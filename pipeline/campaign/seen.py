@@ -107,6 +107,7 @@ def are_runs(content: Any) -> bool:
         and isinstance(entry.get("key"), str)
         and isinstance(entry.get("readers"), list)
         and isinstance(entry.get("files"), dict)
+        and entry["files"]
         and all(isinstance(reader, str) for reader in entry["readers"])
         and all(_PLAIN_NAME.fullmatch(name) and isinstance(digest, str) for name, digest in entry["files"].items())
         for entry in content.values()

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import ast
 import json
+import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.errors import EmptyLogError, InputError
+from pipeline.ingest.ahead import refuse_fatal
 from pipeline.ingest.column_table import as_numbers, as_text, named, seconds_since
 from pipeline.ingest.delimited.header import is_units_row, unit_in_row
 from pipeline.ingest.misnamed import misnamed
@@ -31,6 +34,7 @@ _UNITS = ("unit", "units", "Unit")
 _OF_THE_CARRIER = ("pandas", "ARROW:", "PARQUET:", "rigfit", "huggingface", "geo")
 # Bytes of a column that are read at once.
 _BUFFER = 1 << 20
+_TRIAL_SECONDS = 0.5
 
 
 class ColumnarReader(Reader):
@@ -62,7 +66,8 @@ class ColumnarReader(Reader):
             raise InputError(f"{path}: this {source.kind} file holds no column of numbers to read as a channel.")
         notes = [
             QualityFinding(
-                "note", f"the column '{name}' ({kind}) is left out; write what is in it as columns of numbers."
+                "note",
+                f"the column '{name}' ({kind}) is left out; write what is in it as columns of numbers, each with a name of its own.",
             )
             for name, kind in table.left_out
         ]
@@ -107,8 +112,12 @@ class ArrowTable(RawTable):
         self.left_out: list[tuple[str, str]] = []
         self.channels = []
         self._dates: list[str] = []
+        alike = Counter(source.schema.names)
+        self.left_out += [(name, f"{count} columns have this name") for name, count in alike.items() if count > 1]
         for field in source.schema:
             kind = field.type
+            if alike[field.name] > 1:
+                continue
             if types.is_dictionary(kind):
                 kind = kind.value_type
             if types.is_temporal(kind) and not types.is_duration(kind) and not types.is_time(kind):
@@ -205,6 +214,8 @@ def _source(path: Path) -> _Source:
         )
     if not head.startswith((_PARQUET, _ARROW)):
         raise misnamed(path, "Parquet or Feather file")
+    if kind == "Parquet":
+        refuse_fatal(path, kind, lambda: _tried(path))
     try:
         if kind == "Parquet":
             with pq.ParquetFile(path) as parquet:
@@ -216,6 +227,20 @@ def _source(path: Path) -> _Source:
             return _Source(path, kind, opened.schema, rows)
     except (OSError, ValueError, MemoryError) as error:
         raise _broken(path, kind, error) from error
+
+
+def _tried(path: Path) -> None:
+    """Read on as far as half a second goes, without threads, which a split-off process does not have."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    pa.set_memory_pool(pa.system_memory_pool())  # others reserve more than they use
+    until = time.monotonic() + _TRIAL_SECONDS
+    with pq.ParquetFile(path, pre_buffer=False, buffer_size=_BUFFER) as parquet:
+        _refuse_bomb(path, parquet.metadata)
+        for _ in parquet.iter_batches(BLOCK_ROWS, use_threads=False):
+            if time.monotonic() > until:
+                return
 
 
 def _refuse_bomb(path: Path, about: Any) -> None:

@@ -8,7 +8,7 @@ a group of its own is that of the groups as long that have none.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import InputError, counted, listing
-from pipeline.ingest.ahead import fatal
+from pipeline.ingest.ahead import refuse_fatal
 from pipeline.ingest.column_table import ColumnSource, ColumnTable
 from pipeline.ingest.delimited.header import names_time
 from pipeline.ingest.extras import library
@@ -91,7 +91,8 @@ class Hdf5Reader(Reader):
             )
         if not _has_mark(head):
             raise misnamed(path, "HDF5 file")
-        refuse_fatal(path, lambda: _contents_of(path))
+        library("h5py", "hdf5", path, "an HDF5 file")
+        refuse_fatal(path, "HDF5", lambda: _contents_of(path))
         contents = _contents_of(path)
         shared = _share_times(contents)
         tables = [_table(path, contents, at) for at in contents.columns]
@@ -110,15 +111,6 @@ class Hdf5Reader(Reader):
                 QualityFinding("note", f"{counted(len(contents.left_out) - _MOST_SHOWN, 'more data set')} left out.")
             )
         return RawLog(path, "HDF5", tables, contents.metadata, {"data sets": str(contents.sets)}, tuple(notes))
-
-
-def refuse_fatal(path: Path, work: Callable[[], object]) -> None:
-    """Refuse a damaged file that the library stumbles over without a word."""
-    library("h5py", "hdf5", path, "an HDF5 file")
-    if what := fatal(work):
-        raise InputError(
-            f"{path}: this HDF5 file is broken: a program that reads it {what}. Copy it or write it again."
-        )
 
 
 def _contents_of(path: Path) -> _Contents:

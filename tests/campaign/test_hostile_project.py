@@ -89,6 +89,7 @@ ENTRY = {"key": "k", "readers": [], "files": {"r1.parquet": "0"}}
         lambda content: content["runs"].update(r2={**ENTRY, "files": {"../../kept": "0"}}),
         lambda content: content["runs"].update(r2={**ENTRY, "files": {"/etc/kept": "0"}}),
         lambda content: content["runs"].update(r2={**ENTRY, "files": ["r2.parquet"]}),
+        lambda content: content["runs"].update(r2={**ENTRY, "files": {}}),
         lambda content: content["runs"].update(r2="r2"),
         lambda content: content.update(runs=[]),
         lambda content: content.update(quality=[{"level": "worst", "message": "m", "run": None, "channel": None, "span": None}]),

@@ -160,3 +160,12 @@ def test_a_log_that_cannot_be_read_is_a_log_of_the_campaign_with_its_path_in_the
     assert broken["files"] == ["datasets/wire/broken.csv"]
     assert "left out: datasets/wire/broken.csv" in broken["reason"]
     assert set(findings["provenance"]["logs"]) == {f"datasets/wire/{name}.csv" for name in ("a", "b", "broken")}
+
+
+def test_a_head_with_more_rows_than_heads_have_counts_as_none() -> None:
+    time, extension, _ = pull(1).T
+    bare = Recording("bare", {"": Stream("", time, {"extension": Channel("extension", extension, "m")})})
+    told = Head.of(bare).as_json()
+    assert Head.from_json(told) is not None
+    told["first"] = {"extension": told["first"]["extension"] * 9}
+    assert Head.from_json(told) is None

@@ -122,7 +122,31 @@ def test_what_ends_or_hangs_a_library_is_told_and_what_raises_is_left_to_the_rea
     monkeypatch.setattr(ahead.threading, "active_count", lambda: 1)
     assert ahead.fatal(endless) == "does not come to an end"
     assert ahead.fatal(lambda: os.kill(os.getpid(), 9)) == "is ended by signal 9"
+    assert ahead.fatal(lambda: bytearray(3 * GIGABYTE)) == "asks for more than 1 GB"
+    assert ahead.fatal(lambda: bytearray(GIGABYTE // 64)) is None
     assert ahead.fatal(lambda: None) is None
+
+
+def test_a_parquet_column_without_rows_to_its_footer_is_refused_before_its_library_ends_rigfit(tmp_path: Path) -> None:
+    pq = pytest.importorskip("pyarrow.parquet")
+    pa = pytest.importorskip("pyarrow")
+    path = tmp_path / "lies.parquet"
+    pq.write_table(pa.table({"time": TIME, "name": ["a"] * TIME.size}), path)
+    whole = path.read_bytes()
+    place = whole.rindex(b"\x25\x02\x18\x04name")  # OPTIONAL turned into REQUIRED, its statistics left as they were
+    path.write_bytes(whole[:place] + b"\x25\x00\x18\x04name" + whole[place + 8 :])
+    with pytest.raises(InputError, match="is broken"):
+        scan_log(path)
+
+
+def test_parquet_columns_of_one_name_are_left_out_and_the_others_read(tmp_path: Path) -> None:
+    feather = pytest.importorskip("pyarrow.feather")
+    pa = pytest.importorskip("pyarrow")
+    path = tmp_path / "twice.feather"
+    table = pa.table([TIME, np.sin(TIME), np.cos(TIME)], names=["time", "x", "x"])
+    feather.write_feather(table, path)
+    told = scan_log(path)
+    assert any("'x' (2 columns have this name) is left out" in q.message for q in told.quality), told
 
 
 def rows_of(form: str) -> str:

@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.ingest.hdf5 import opened, refuse_fatal
+from pipeline.ingest.ahead import refuse_fatal
+from pipeline.ingest.extras import library
+from pipeline.ingest.hdf5 import opened
 from pipeline.ingest.matlab.values import BrokenFileError, Struct, Unread, Value
 from pipeline.ingest.unpacking import is_beyond_belief
 
@@ -40,7 +42,8 @@ def variables(path: Path) -> Iterator[tuple[str, Value]]:
     BrokenFileError
         If a variable is larger than can be read, or structures lie too deep.
     """
-    refuse_fatal(path, lambda: _looked_through(path))
+    library("h5py", "hdf5", path, "a MATLAB 7.3 file")
+    refuse_fatal(path, "MATLAB 7.3", lambda: _looked_through(path))
     with opened(path) as file:
         size, unpacked = path.stat().st_size, 0
         for name in file:
@@ -65,8 +68,9 @@ def _bytes_of(stored: Any, depth: int) -> int:
 
     if isinstance(stored, h5py.Group):
         return sum(_bytes_of(stored[name], depth + 1) for name in stored) if depth <= _DEEPEST else 0
-    own = math.prod(stored.chunks or (0,))
-    return max(own, stored.size or 0) * int(stored.dtype.itemsize) if isinstance(stored, h5py.Dataset) else 0
+    if not isinstance(stored, h5py.Dataset):
+        return 0
+    return max(math.prod(stored.chunks or (0,)), stored.size or 0) * int(stored.dtype.itemsize)
 
 
 def _value(file: Any, stored: Any, name: str, depth: int) -> Value:
@@ -81,6 +85,8 @@ def _value(file: Any, stored: Any, name: str, depth: int) -> Value:
         if kind not in ("struct", ""):
             return _object(kind)
         return _struct(file, stored, name, depth)
+    if not isinstance(stored, h5py.Dataset):
+        return Unread("a type without values")
     kind = _class_of(stored)
     if _EMPTY in stored.attrs and int(stored.attrs[_EMPTY]):
         return "" if kind == "char" else np.empty((0, 0))

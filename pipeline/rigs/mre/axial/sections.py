@@ -236,8 +236,8 @@ def _model(findings: Findings) -> list[Figure | Table | Text]:
     found = {(p.name, _place(p)): p for p in findings.parameters}
     rows: list[list[Cell]] = []
     for place in places:
-        parameters = [found[name, place] for name in _MODEL]
-        rows.append([place, *(Value(p.value, p.std_error, p.ci95) for p in parameters)])
+        parameters = [found.get((name, place)) for name in _MODEL]
+        rows.append([place, *(None if p is None else Value(p.value, p.std_error, p.ci95) for p in parameters)])
     table = Table(
         "model",
         "Parameters of the loop",
