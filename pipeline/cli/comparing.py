@@ -17,7 +17,8 @@ from pipeline.findings import Findings
 from pipeline.findings.comparison import Comparison
 from pipeline.findings.comparison import compare as held_against
 from pipeline.recording.storage import whole_or_not
-from pipeline.report.compare import Compared, moved_most, render_comparison
+from pipeline.report.compare import render_comparison
+from pipeline.report.compare_numbers import Compared, moved_most
 from pipeline.report.parameters import place_of
 from pipeline.report.words import clean
 from pipeline.rigs.registry import experiment as find_experiment

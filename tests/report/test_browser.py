@@ -10,7 +10,8 @@ import pytest
 from benchmarks.pages import browser as look
 from pipeline.findings import Findings
 from pipeline.findings.comparison import compare
-from pipeline.report.compare import Compared, render_comparison
+from pipeline.report.compare import render_comparison
+from pipeline.report.compare_numbers import Compared
 from pipeline.report.index import index_entry, render_index
 from pipeline.report.page import render_report
 from pipeline.rigs.experiment import Experiment

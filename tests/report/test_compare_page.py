@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pipeline.findings import Findings, Quality
 from pipeline.findings.comparison import compare
-from pipeline.report.compare import Compared, render_comparison
+from pipeline.report.compare import render_comparison
+from pipeline.report.compare_numbers import Compared
 from pipeline.rigs.experiment import Experiment
 
 
@@ -61,3 +62,9 @@ def test_campaigns_that_are_alike_have_no_chapter_of_their_own(findings, experim
     assert html.count("<section id=") == 2
     assert '<h2 id="campaign-2-title">other</h2>' in html
     assert "third: findings only at now." in html
+
+
+def test_states_whose_verdicts_are_the_same_say_so(findings, experiment):
+    other = findings.model_copy(update={"campaign": "other"})
+    html = render_comparison([Compared(compare(one, one), experiment) for one in (findings, other)], ("then", "now"))
+    assert "Every campaign has the verdict that it had." in html
