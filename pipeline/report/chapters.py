@@ -29,6 +29,7 @@ from pipeline.report.equations import Equations, equations
 from pipeline.report.figure import FigureView, figure_view
 from pipeline.report.gathered import MOST_TOLD, told
 from pipeline.report.parameters import key_table, parameter_tables
+from pipeline.report.repeating import check, steps
 from pipeline.report.table import TableView, table_view
 from pipeline.report.uncertainty import budget_table, stated
 from pipeline.report.words import clean
@@ -189,6 +190,16 @@ def _methods(findings: Findings, experiment: Experiment) -> list[Block | Figure]
 
 def _repeat(findings: Findings, experiment: Experiment, command: str) -> list[Block | Figure]:
     blocks: list[Block | Figure] = [Code("Command", _abridged(command))]
+    by_hand, known = steps(findings), check(findings)
+    if by_hand:
+        blocks.append(Code("The same step by step, in a folder that holds the recipe and the logs", by_hand))
+        blocks.append(
+            Paragraphs(
+                ["With these versions the findings are the same, bit for bit; rigfit compare tells what differs."]
+            )
+        )
+    elif known:
+        blocks.append(Code("Are the logs those that were read?", known))
     facts = list(_facts(findings.provenance))
     if facts:
         blocks.append(Facts(facts))
@@ -206,6 +217,9 @@ def _abridged(command: str) -> str:
     return " ".join([*words[:MOST_TOLD], f"… {more} more words …", *words[-MOST_TOLD:]])
 
 
+_FACTS = {"recipe_sha256": "recipe's content, sha256 without comments and order"}
+
+
 def _facts(provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Put provenance into words; log hashes have a table of their own."""
     for name, value in provenance.items():
@@ -217,7 +231,7 @@ def _facts(provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             entries = [_told(entry) for entry in value] if isinstance(value, list | tuple) else [_told(value)]
         words = listing(entries, MOST_TOLD) if entries else ""
         if words:
-            yield clean(str(name)).replace("_", " "), clean(words)
+            yield _FACTS.get(name) or clean(str(name)).replace("_", " "), clean(words)
 
 
 def _told(value: Any) -> str:

@@ -20,7 +20,7 @@ _HEIGHTS = {"long": 26, "tall": 9, "short": 0}  # rows
 _PROSE_FROM = 30  # signs
 _WIDTHS = {"widest": 13, "wider": 10, "wide": 8}  # columns
 # Width of an A4 sheet and of a cell's padding in ems of the print type of "widest", "wider", "wide" and none (style.css).
-_SHEET = ((96.0, 0.7), (88.0, 0.65), (73.0, 1.05), (61.0, 1.7))
+_SHEET = ((96.0, 0.7), (88.0, 0.65), (73.0, 1.05), (58.0, 1.7))
 _SMALLER = 0.9  # type of a second line
 
 

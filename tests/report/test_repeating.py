@@ -1,0 +1,74 @@
+"""What a report says to whoever repeats it, followed to the letter: the findings are the same, bit for bit."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from html import unescape
+from pathlib import Path
+
+import pytest
+
+from pipeline.report.citation import bibtex
+from pipeline.rigs.registry import all_experiments
+
+ROOT = Path(__file__).resolve().parents[2]
+CHEAP = "rap-cytotoxicity"
+
+
+def bytes_of(folder: Path) -> dict[str, bytes]:
+    kept = [folder / "findings.json", *sorted(folder.glob("arrays/*"))]
+    return {path.name: path.read_bytes() for path in kept}
+
+
+def test_the_commands_of_a_report_give_the_same_findings_in_an_empty_folder(
+    rigfit, project, tmp_path_factory, monkeypatch
+):
+    def begin(folder: Path) -> None:
+        (folder / "recipes").mkdir(exist_ok=True)
+        (folder / "recipes" / f"{CHEAP}.yaml").write_bytes((ROOT / "recipes" / f"{CHEAP}.yaml").read_bytes())
+        for name in ("params.yaml", "dvc.yaml"):
+            (folder / name).write_bytes((ROOT / name).read_bytes())
+        monkeypatch.chdir(folder)
+
+    begin(project)
+    for stage in ("synthesize", "ingest", "identify", "report"):
+        assert rigfit(stage, CHEAP).status == 0
+    first = project / "reports" / CHEAP
+    told = re.search(r"step by step.*?<code>(.*?)</code>", (first / "report.html").read_text("utf-8"), re.S)
+    assert told
+    text = unescape(told[1])
+    empty = tmp_path_factory.mktemp("again")
+    begin(empty)
+    before, check, after = re.split(r"(sha256sum .*?\nEND\n)", text, flags=re.S)
+    for part in (before, check, after):
+        if part == check:
+            seen = subprocess.run(["bash", "-c", part], cwd=empty, capture_output=True, text=True, check=False)
+            assert seen.returncode == 0, seen.stdout + seen.stderr
+            continue
+        for line in part.strip().splitlines():
+            program, *words = line.split()
+            assert program == "rigfit"
+            assert rigfit(*words).status == 0, line
+    assert bytes_of(empty / "reports" / CHEAP) == bytes_of(first)
+
+
+@pytest.mark.parametrize("experiment", sorted(all_experiments()))
+def test_references_are_valid_bibtex(experiment):
+    references = all_experiments()[experiment].references
+    text = bibtex(references)
+    entries = re.findall(r"^@(article|misc)\{([A-Za-z][\w:-]*),\n((?:  \w+ = \{.*\},?\n)+)\}$", text, re.M)
+    assert len(entries) == len(references) == text.count("@")
+    assert len({key for _, key, _ in entries}) == len(references)
+    for kind, _, body in entries:
+        fields = dict(re.findall(r"^  (\w+) = \{(.*)\},?$", body, re.M))
+        assert {"author", "title", "year"} <= set(fields)
+        assert kind == "misc" or fields["journal"]
+        assert re.fullmatch(r"\d{4}", fields["year"])
+        for name, value in fields.items():
+            depth = 0
+            for sign in value:
+                depth += (sign == "{") - (sign == "}")
+                assert depth >= 0, value
+            assert depth == 0, value
+            assert name == "doi" or not re.search(r"(?<!\\)[&%#_$]", value), value
