@@ -74,6 +74,7 @@ def test_a_dropped_log_reruns_its_campaign_only_and_old_recordings_stay(project:
     assert [entry["run"] for entry in findings["runs"]] == ["first", "second"]
 
 
+@pytest.mark.thorough
 def test_new_findings_of_a_campaign_rerun_the_one_that_uses_them_without_reading_its_logs_again(project: Path) -> None:
     recording = project / "recordings" / "two" / "first.parquet"
     before = recording.stat().st_mtime_ns
@@ -84,6 +85,7 @@ def test_new_findings_of_a_campaign_rerun_the_one_that_uses_them_without_reading
     assert ran(run(project, "dvc", "repro")) == set()
 
 
+@pytest.mark.thorough
 def test_a_changed_setting_does_not_read_the_logs_again_and_metrics_tell_the_difference(project: Path) -> None:
     run(project, "git", "add", "-A")
     run(project, "git", "-c", "user.name=t", "-c", "user.email=t@example.org", "commit", "-qm", "state")

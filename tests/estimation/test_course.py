@@ -32,6 +32,7 @@ def test_the_interval_of_the_level_covers_the_truth_in_nearly_95_of_100_campaign
     assert covered >= 0.95 * campaigns - 2.4 * np.sqrt(0.0475 * campaigns)
 
 
+@pytest.mark.thorough
 def test_few_of_sixty_steady_campaigns_show_a_change_or_an_odd_run() -> None:
     found = [course(noisy(40, seed)) for seed in range(60)]
     assert sum(bool(one.changes) for one in found) <= 3

@@ -209,6 +209,7 @@ def test_another_flywheel_is_not_averaged_into_the_campaign() -> None:
 
 
 @pytest.mark.parametrize(("stated", "verdict"), [(0.019, "ok"), (0.03, "warning"), (0.01, "warning")])
+@pytest.mark.thorough
 def test_a_stated_flywheel_that_contradicts_the_inertia_is_told(stated: float, verdict: str) -> None:
     recording = recording_of({"vibration": True, "a": 1.0, "brake_capacity": 2.4, "c0": 0.2, "c_s": 0.1})
     findings = findings_of(replace(recording, conditions={**recording.conditions, "flywheel_inertia": stated}))

@@ -29,6 +29,7 @@ def solved(options, seed, one_channel=False):
     return numbers, float(truth.motion.w1[held].mean())
 
 
+@pytest.mark.thorough
 def test_one_channel_of_a_lossless_box_tells_the_speed_without_a_bias():
     """Its lines are clean: means of one-second pieces once were off by 1.2 to 1.8 mrad/s, to one side."""
     errors = []

@@ -53,6 +53,7 @@ def test_a_sound_log_has_no_warning():
 
 @pytest.mark.parametrize("run", ["g3", "g5"])
 @pytest.mark.parametrize("hum", [0.05, 0.5])
+@pytest.mark.thorough
 def test_mains_hum_and_its_harmonics_are_neither_slip_nor_the_input_speed(run, hum):
     """At 150 rpm the lines of a drive without droop would lie at 100, 200, 350 and 700 Hz: all of them hum."""
     waves = changed(

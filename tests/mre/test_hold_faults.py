@@ -109,6 +109,7 @@ def test_drift_and_jumps_of_the_sensor_are_doubted() -> None:
     assert said(hold([log(relaxation=-0.02)]), "grows with time")
 
 
+@pytest.mark.thorough
 def test_short_holds_and_a_force_that_has_not_settled_are_doubted() -> None:
     assert said(hold([log(hold_duration=2.0)]), "too short")
     assert said(hold([log(hold_duration=10.0, fall=3.0, rise=3.0)]), "has not settled")
@@ -124,6 +125,7 @@ def test_a_set_point_in_place_of_the_current_is_doubted() -> None:
     assert said(hold([changed(log(), "current", lambda _t, x: np.round(2 * x) / 2)]), "set-point")
 
 
+@pytest.mark.thorough
 def test_a_gap_that_moves_and_a_hot_coil_are_doubted() -> None:
     moving = changed(log(), "displacement_axial", lambda t, x: x - 1e-5 * np.round(3 * np.sin(np.pi * t / 330)))
     assert said(hold([moving]), "gap moves by 30 um")
@@ -146,6 +148,7 @@ def test_ramps_between_the_holds_and_continuous_sweeps() -> None:
 
 
 @pytest.mark.parametrize("end", [120.0, 60.0, 15.0, 3.0])
+@pytest.mark.thorough
 def test_a_truncated_log_is_refused_or_doubted(end: float) -> None:
     recording = log()
     cut = rows(recording, recording.streams["axial"].time < end)

@@ -40,6 +40,7 @@ def test_records_that_repeat_each_other_are_no_contradiction() -> None:
     assert identify(rich(), replace(rich(seed=5), run="again"), online=False).verdict == "ok"
 
 
+@pytest.mark.thorough
 def test_a_gain_of_one_record_of_a_current_series_is_named_and_not_taken_for_the_field() -> None:
     findings = identify(rich(), rich(2.0), louder(rich(4.0), 1.03), rich(6.0), online=False)
     assert doubted(findings, "one factor", "run rich_4a by +3 ")

@@ -111,6 +111,7 @@ def test_a_large_lag_is_found_and_doubted_since_a_filter_would_lower_its_signal_
 @pytest.mark.parametrize(
     "change", [lambda t, v: v * (1 - 0.02 * t / t[-1]), lambda t, v: v * np.where(t > 10, 1.03, 1.0)]
 )
+@pytest.mark.thorough
 def test_a_gain_that_changes_is_doubted_and_not_taken_for_a_mass(change: Change) -> None:
     findings = batch(changed(rich(), "force", change))
     assert findings.verdict == "warning"
@@ -151,6 +152,7 @@ def test_small_amplitudes_leave_the_bouc_wen_terms_open_and_say_what_to_do() -> 
 
 
 @pytest.mark.parametrize("duration", [4.0, 10.0])
+@pytest.mark.thorough
 def test_a_short_record_gives_wider_intervals_that_hold(duration: float) -> None:
     findings = identify(rich(duration=duration))
     assert_numbers_hold(findings)

@@ -75,6 +75,7 @@ def test_a_short_record_has_not_converged_and_says_that_the_annealing_goes_on() 
     assert "annealing has not faded" in verdict.reason
 
 
+@pytest.mark.thorough
 def test_a_start_far_off_is_never_called_converged_at_wrong_numbers() -> None:
     series, truth = samples(rich(duration=60.0)), true_values(0.0)
     own = whole(0.0).filter

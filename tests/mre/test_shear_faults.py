@@ -44,6 +44,7 @@ def test_a_clean_campaign_is_ok(campaign: list[Recording]) -> None:
 # Clocks
 
 
+@pytest.mark.thorough
 def test_one_late_run_is_set_aside_with_its_lag(campaign: list[Recording]) -> None:
     findings = identify(in_one(campaign, "force", lambda t, F: np.interp(t - 300e-6, t, F)))
     assert findings.verdict == "warning"
@@ -75,6 +76,7 @@ def test_ordinary_scatter_sets_no_run_aside() -> None:
     assert_numbers_hold(findings)
 
 
+@pytest.mark.thorough
 def test_two_runs_that_contradict_each_other_are_both_named_and_neither_is_left_out(campaign: list[Recording]) -> None:
     # At 6 A only two runs: k_MR follows either of them, so which is wrong cannot be told.
     few = [r for r in campaign if r.run not in ("sh_5hz_6a", "sh_5hz_3a", "sh_10hz_3a", "sh_15hz_3a")]
@@ -111,6 +113,7 @@ def test_clipping_before_the_noise_comes_in_is_set_aside_as_a_contradiction(camp
     assert_numbers_hold(findings)
 
 
+@pytest.mark.thorough
 def test_a_coarse_converter_is_not_taken_for_clipping(campaign: list[Recording]) -> None:
     findings = identify(in_all(campaign, "force", lambda _, F: 2.0 * np.round(F / 2.0)))
     assert not left_out(findings)
@@ -255,6 +258,7 @@ def test_a_coil_that_is_not_held_is_no_single_operating_point(campaign: list[Rec
     ("label", "factor", "words"),
     [("amplitude", 2.0, "peak to peak"), ("frequency", 2.0, "wrong time base")],
 )
+@pytest.mark.thorough
 def test_labels_that_the_record_contradicts_are_told(
     campaign: list[Recording], label: str, factor: float, words: str
 ) -> None:

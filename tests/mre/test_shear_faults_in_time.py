@@ -55,6 +55,7 @@ def test_a_time_base_that_contradicts_all_labels_is_never_ok_and_the_factor_is_t
     assert findings.one("k2").value == pytest.approx(2.6e5, rel=0.02)
 
 
+@pytest.mark.thorough
 def test_one_run_whose_frequency_is_not_its_labels_is_doubted(campaign: list[Recording]) -> None:
     findings = identify(with_time(r, 1.02) if r.run == ODD else r for r in campaign)
     assert findings.verdict == "warning"
@@ -123,6 +124,7 @@ def test_stiffness_that_fades_during_the_runs_is_never_ok(campaign: list[Recordi
 
 
 @pytest.mark.parametrize(("channel", "duration"), [("force", 0.2), ("displacement", 0.03)])
+@pytest.mark.thorough
 def test_where_a_sensor_hangs_does_not_enter(campaign: list[Recording], channel: str, duration: float) -> None:
     findings = identify(in_all(campaign, channel, lambda t, v: held(t, v, 0.6, 0.6 + duration)))
     assert said(findings, f"the {channel} is stuck", "do not enter", run=ODD)
@@ -150,6 +152,7 @@ def test_a_logger_that_repeats_old_values_costs_them_only(campaign: list[Recordi
         ("force", lambda t, v: v + 0.1 * np.ptp(v) * (t / t[-1]) ** 2, "the mean force drifts"),
     ],
 )
+@pytest.mark.thorough
 def test_what_a_chirp_lost_does_not_enter(chirp: Recording, channel: str, change: Change, words: str) -> None:
     findings = identify([changed(chirp, channel, change)])
     assert findings.verdict in ("ok", "warning")

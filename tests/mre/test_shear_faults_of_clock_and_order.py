@@ -151,6 +151,7 @@ def test_a_trend_in_the_order_of_names_is_told_with_its_size_and_no_mounting_is_
     assert not said(findings, "mounting")
 
 
+@pytest.mark.thorough
 def test_the_order_is_that_of_the_times_at_which_the_logs_begin(campaign: list[Recording]) -> None:
     # Made in another order than that of the names.
     made = [4, 0, 7, 2, 8, 5, 1, 6, 3]
@@ -163,6 +164,7 @@ def test_the_order_is_that_of_the_times_at_which_the_logs_begin(campaign: list[R
     assert "times at which the logs begin" in reason
 
 
+@pytest.mark.thorough
 def test_a_trend_too_large_for_scatter_is_told_of_a_rejected_fit_as_well(campaign: list[Recording]) -> None:
     numbered = [with_conditions(r, sequence_index=float(i)) for i, r in enumerate(campaign)]
     findings = identify(heating(numbered, lambda i: i, 0.02))
@@ -172,6 +174,7 @@ def test_a_trend_too_large_for_scatter_is_told_of_a_rejected_fit_as_well(campaig
     assert "sequence_index" in reason
 
 
+@pytest.mark.thorough
 def test_scatter_without_order_is_no_trend() -> None:
     recordings = SHEAR.synthesize({"duration": 1.0, "rate": RATE, "preload_runs": False, "gain_scatter": 0.008}, 8)
     assert not said(identify(recordings), "Stiffness changes")

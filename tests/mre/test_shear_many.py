@@ -131,10 +131,12 @@ def test_odd_runs_of_one_condition_together_are_no_odd_runs() -> None:
     assert odd_among(one, FitOptions(starts=1)).runs == (name,)
 
 
+@pytest.mark.thorough
 def test_ordinary_scatter_makes_no_run_odd() -> None:
     assert [odd_among(many_loops(5, first), FitOptions(starts=1)).runs for first in (10, 20)] == [(), ()]
 
 
+@pytest.mark.thorough
 def test_runs_of_other_gain_in_most_repeats_of_a_condition_are_odd_where_they_are_elsewhere_too() -> None:
     """Two kinds of pads mixed at random: at some condition the wrong kind is in the majority by chance."""
     loops = many_loops(5)

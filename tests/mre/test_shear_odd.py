@@ -64,6 +64,7 @@ def names(loops: Sequence[Loop], *which: int) -> set[str]:
         ({5: gain(1.03), 6: gain(0.97)}, "3.0 % off"),
     ],
 )
+@pytest.mark.thorough
 def test_two_runs_of_another_gain_are_both_set_aside_with_it(
     faults: dict[int, Callable[[Loop], Loop]], words: str
 ) -> None:
@@ -101,6 +102,7 @@ def test_two_exchanged_current_labels_are_both_named_with_the_right_ones() -> No
     assert "goes with the runs at 4 A but is labelled 2 A" in odd[loops[6].run]
 
 
+@pytest.mark.thorough
 def test_exchanged_labels_are_found_by_exchanging_them_where_leaving_one_out_helps_nothing() -> None:
     loops = [loop for loop in noisy({}, 2) if loop.current != 6.0]  # nine runs: only one may be left out at will
     _, odd, _ = searched(with_faults(loops, {3: labelled(4.0), 6: labelled(2.0)}), ONE_MODEL)

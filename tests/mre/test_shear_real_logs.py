@@ -85,6 +85,7 @@ def test_an_elastomer_strip_gives_stiffness_and_loss_of_half_a_cycle(
     assert slow < fast
 
 
+@pytest.mark.thorough
 def test_a_randomly_driven_damper_is_checked_on_the_second_half(
     realdata: Path, rigfit: Callable[..., Any], tmp_path: Path
 ) -> None:

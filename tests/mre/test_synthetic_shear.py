@@ -44,6 +44,7 @@ def test_same_seed_same_logs_other_seed_others() -> None:
     assert not np.array_equal(first[:4000], other[:4000])
 
 
+@pytest.mark.thorough
 def test_noise_lag_and_gain_are_what_was_asked() -> None:
     quiet = {**FEW, "hum": 0.0, "jitter": 0.0, "dropouts": 0.0, "force_offset": 0.0, "force_lsb": 0.0}
     loud, still = (synthesize_shear({**quiet, "force_noise": noise}, 1)[0] for noise in (1.0, 0.0))

@@ -77,6 +77,7 @@ def test_offsets_belong_to_each_record() -> None:
     assert fit.one("k2").value == pytest.approx(2.6e5, rel=0.005)
 
 
+@pytest.mark.thorough
 def test_a_gap_parts_the_record_and_costs_nothing_else() -> None:
     record = rich(1)
     kept = (record.time < 20) | (record.time > 24)

@@ -110,6 +110,7 @@ def test_gain_and_offset_of_each_sensor_are_recovered(tap: str):
     assert line.ratio == pytest.approx((625.0 + 26.0**2 / 12.0) / 100.0, rel=0.6)
 
 
+@pytest.mark.thorough
 def test_errors_of_gain_and_offset_are_as_large_as_they_say():
     z = []
     for seed in range(8):

@@ -153,6 +153,7 @@ def test_a_frozen_meter_is_not_believed():
     assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.01
 
 
+@pytest.mark.thorough
 def test_a_calibration_run_whose_meter_contradicts_the_others_is_named_and_not_calibrated_on():
     runs = logs(["calibration"], split=True)
     found = identified([*touched(runs, "blood_flow_bench", lambda _t, v: 0.6 * v, run=runs[1].run), usual()[1]])
@@ -221,6 +222,7 @@ def test_one_table_with_one_clock_needs_no_alignment():
 
 
 @pytest.mark.parametrize("fault", ["dropout", "duplicated", "truncated"])
+@pytest.mark.thorough
 def test_lost_samples_cost_little(fault):
     found = identified(logs(faults=[fault]))
     assert found.one("flow_error_max", estimator="E3", set="holdout").value < 0.01

@@ -189,6 +189,7 @@ def test_check_speaks_in_the_words_of_identify() -> None:
     assert any("sign is turned" in q.message and q.level == "error" for q in check(run))
 
 
+@pytest.mark.thorough
 def test_scale_without_tare_on_a_filled_tank_tells_changes_only() -> None:
     findings = found(altered(made(), conditions={"mass_tare": None}))
     assert "mass_tare is not stated and the scale starts at" in said(findings)

@@ -144,6 +144,7 @@ def test_parameters_of_many_runs_are_summed_up_by_condition_where_few(many: Find
     assert float(view.rows[0][2].text) == pytest.approx(np.median([p.value or 0.0 for p in first]) / 1e3, abs=0.1)
 
 
+@pytest.mark.thorough
 def test_of_many_quantities_conditions_are_not_told_apart(many: Findings, experiment: Experiment) -> None:
     (view,) = parameter_tables(many, experiment)
     assert len(view.rows) == 30 * 4

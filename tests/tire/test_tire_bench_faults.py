@@ -64,6 +64,7 @@ def test_a_campaign_of_such_runs_only_is_refused_and_check_says_the_same(name):
     assert grave[0].rstrip(".") in str(refusal.value)
 
 
+@pytest.mark.thorough
 def test_without_a_load_cell_the_nominal_load_is_used_and_said():
     found = identified([without(log, "vertical_load") for log in logs()])
     assert found.verdict == "warning"

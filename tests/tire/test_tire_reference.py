@@ -37,6 +37,7 @@ def test_slip_is_told_as_slip():
 
 
 @pytest.mark.parametrize("without", [(), ("load", "force"), ("force", "acceleration")])
+@pytest.mark.thorough
 def test_clocks_that_are_apart_are_put_together(without):
     found = compared(without, reference_shift=0.7)
     assert found.offset_applied
@@ -58,6 +59,7 @@ def test_a_reversed_direction_is_told_by_the_reference_and_by_the_wheel_itself()
 
 
 @pytest.mark.parametrize(("scale", "unit"), [(3.6, "km/h"), (30 / np.pi / RADIUS, "rpm"), (2.2369, "mph")])
+@pytest.mark.thorough
 def test_a_speed_in_another_unit_is_named_and_not_compared(scale, unit):
     found = compared(speed_scale=scale)
     assert found.speed_unit == unit

@@ -201,6 +201,7 @@ def test_a_sensor_ten_per_cent_longer_than_told_is_found():
     assert any("measure its length" in s for s in statements(found, judged(found)))
 
 
+@pytest.mark.thorough
 def test_a_load_in_kilograms_shows_as_a_belt_too_narrow(fit):
     runs = [replace(run, load=run.load / 9.80665, load_se=run.load_se / 9.80665) for run in _runs()]
     found = fit_ring(runs, KNOWN)

@@ -167,6 +167,7 @@ def test_a_wheel_that_stands_is_refused_in_words():
         identified([recording])
 
 
+@pytest.mark.thorough
 def test_pressure_that_is_told_is_corrected_and_one_that_is_not_shows_in_the_reference():
     low = {"inflation_pressure": 0.9 * TRUTH.inflation_pressure}
     told = short(**low)

@@ -49,6 +49,7 @@ def test_right_axes_are_left_alone(a6):
     assert check(a6) == ()
 
 
+@pytest.mark.thorough
 def test_one_plane_and_single_probes_are_enough(a6):
     for kept in ("p1 m1", "p1"):
         log = changed(a6, **{gap: None for gap in GAPS if gap[5:] not in kept.split()})
@@ -120,6 +121,7 @@ def test_wild_and_missing_samples_are_left_out(a6):
         assert findings.one("thd").value == pytest.approx(0.0598, abs=0.002)
 
 
+@pytest.mark.thorough
 def test_flat_tops_are_left_out_whole_and_rounded_values_are_not_taken_for_them(a6):
     clipped = found([changed(a6, gap_up1=lambda x: np.minimum(x, np.quantile(x, 0.93)))])
     assert said(clipped, "49 samples (7 %), all of which")
@@ -174,6 +176,7 @@ def test_clockwise_and_faster_loads_give_the_same_law():
         assert findings.one("kyy").value == pytest.approx(0.95e9, rel=1.5e-3)
 
 
+@pytest.mark.thorough
 def test_static_load_may_be_a_channel_or_missing(a6):
     measured = found([without(a6, "static_load")])
     assert measured.one("linear_limit", static_load=80000.0).value == pytest.approx(0.143, abs=0.003)
@@ -189,6 +192,7 @@ def test_speed_may_be_missing(a6):
     assert any("shaft speed is not given" in q.message for q in findings.quality)
 
 
+@pytest.mark.thorough
 def test_noise_widens_the_intervals_and_no_noise_breaks_nothing():
     quiet = found(logs("A4", probe_noise=0.0, force_noise=0.0, force_unrest=0.0, drift=0.0, runout=0.0))
     assert quiet.one("kxx2").value == pytest.approx(1.0e12, rel=1e-3)
