@@ -32,7 +32,7 @@ from pipeline.report.parameters import key_table, parameter_tables
 from pipeline.report.repeating import check, steps
 from pipeline.report.table import TableView, table_view
 from pipeline.report.uncertainty import budget_table, stated
-from pipeline.report.words import clean
+from pipeline.report.words import clean, typeset
 from pipeline.rigs.experiment import Experiment
 
 
@@ -157,7 +157,7 @@ def _section(section: Section) -> Iterator[Block | Figure]:
         elif isinstance(block, Table):
             yield table_view(block)
         else:
-            yield Paragraphs(block.paragraphs)
+            yield Paragraphs([typeset(text) for text in block.paragraphs])
 
 
 def _quality(findings: Findings) -> list[Block | Figure]:
@@ -179,7 +179,9 @@ def _runs(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
 
 
 def _methods(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
-    blocks: list[Block | Figure] = [Paragraphs([*experiment.methods(findings), stated(findings, experiment)])]
+    blocks: list[Block | Figure] = [
+        Paragraphs([typeset(text) for text in (*experiment.methods(findings), stated(findings, experiment))])
+    ]
     if experiment.equations:
         blocks.append(equations(experiment.equations))
     if experiment.references:

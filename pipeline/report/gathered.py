@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from pipeline.errors import counted, listing
-from pipeline.report.words import clean
+from pipeline.report.words import clean, typeset
 
 MOST_TOLD = 40  # sentences that are told one by one
 _NAMED, _FOLDED = 4, 200  # runs named at once, and on demand
@@ -104,8 +104,9 @@ def _range(texts: Sequence[str]) -> str:
 
 def told(texts: Sequence[str], runs: Iterable[str]) -> list[str]:
     """Return sentences fit to be listed: up to 40 as they are, more gathered, with how often and of which runs."""
+    texts = [typeset(text) for text in texts]
     if len(texts) <= MOST_TOLD:
-        return list(texts)
+        return texts
     lines = []
     for one in gathered(texts, set(runs)):
         times = len(one.places)

@@ -30,6 +30,7 @@ from pipeline.rigs.experiment import Experiment
 _MOST_KEY_ROWS = 6
 _MOST_COLUMNS = 8
 _MOST_STAND_INS = 6
+_PROSE_FROM = 30  # signs; such a text has a column of a readable width
 _UNDETERMINED = "not determined"
 _SAID_ALREADY = re.compile(rf"^(?:[^:;,]{{0,40}} (?:is|are) )?{_UNDETERMINED}(?:[:;,] |$)")
 
@@ -237,7 +238,14 @@ def _list_view(
     for number, (row, value) in enumerate(zip(rows, values, strict=True)):
         what = replace(row.what, below="; ".join(filter(None, (row.what.below, row.parts))))
         shown = Shown(value, row.found.interval, "number") if row.found else Shown(_UNDETERMINED, kind="number missing")
-        lines.append([what, shown, Shown(row.unit), *(Shown(texts[number]) for _, texts in more)])
+        lines.append(
+            [
+                what,
+                shown,
+                Shown(row.unit),
+                *(Shown(t[number], kind="prose" if len(t[number]) > _PROSE_FROM else "") for _, t in more),
+            ]
+        )
     heads = [Head("Quantity"), Head("Value ± standard error", "95 % interval", True), Head("Unit")]
     heads += [head for head, _ in more]
     return TableView(name, title, "", heads, lines)

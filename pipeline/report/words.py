@@ -7,8 +7,8 @@ import unicodedata
 
 from markupsafe import Markup
 
-_TYPESET = {"+-": "±", "-": "−", "um": "µm", "degC": "°C"}
-_TYPEWRITTEN = re.compile(r"\+-(?= ?\d)|(?<![^\s(±+])-(?=\d)|(?<=\d )um\b|(?<=\d )degC\b|(?<=in )degC\b")
+_TYPESET = {"+-": "±", "-": "−", "um": "µm", "us": "µs", "degC": "°C"}
+_TYPEWRITTEN = re.compile(r"\+-(?= ?\d)|(?<![^\s(±+])-(?=\d)|(?<=\d )u[ms]\b|(?<=\d )degC\b|(?<=in )degC\b")
 
 
 def clean(text: str) -> str:

@@ -44,7 +44,7 @@ _TOLD = {
     "c_bw": ("", 1.0),
     "n_bw": ("", 1.0),
     "s_mr": ("N s/m", 1.0),
-    "force_lag": ("us", 1e6),
+    "force_lag": ("µs", 1e6),
 }
 _MOODS: dict[str, Mood] = {"converged": "ok", "not converged": "warning", "diverged": "rejected", "no filter": "unsaid"}
 # The scale of a panel ends at so many times the value that the batch fit gives.

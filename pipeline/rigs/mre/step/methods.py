@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipeline.errors import counted
 from pipeline.findings import Findings
 
 
@@ -12,7 +13,7 @@ def methods(findings: Findings) -> Sequence[str]:
     steps = findings.arrays["steps"]
     rises, falls = int((steps["direction"] == "rise").sum()), int((steps["direction"] == "fall").sum())
     return [
-        f"{rises} rising and {falls} falling steps were found in the measured coil current, from the levels that it is held at. The onset of a change is where the straight line through "
+        f"{counted(rises, 'rising step')} and {counted(falls, 'falling step')} were found in the measured coil current, from the levels that it is held at. The onset of a change is where the straight line through "
         "the passages of 5 and 25 % of it meets 0; where no two samples lie in the change, it is the middle of the interval, with its uncertainty added to the delay and to t63 and t90.",
         "The model is F(t) = F0 + sum g y(t) - c log10(1 s + t), t from the start of the log, with y the part of the measured current that belongs to a step, delayed by L and passed through one "
         "or two first-order lags (Brancati et al. 2019, test with current steps); L and the lags are those of its direction, each step has a gain g of its own. The lags are exact for a current that is straight "

@@ -96,7 +96,7 @@ def bonding(findings: Findings) -> list[Figure | Text]:
         Figure(
             "bonding",
             "Flex sensor against PVDF film",
-            "Both see the same bending. A sensor that comes off answers less while the film does not: the ratio steps.",
+            "Is the sensor still bonded? Both see the same bending. A sensor that comes off answers less while the film does not: the ratio steps.",
             "ratio of the amplitudes of flex sensor and PVDF film over time",
             panels,
             columns=2 if len(panels) > 1 else 1,
@@ -119,7 +119,7 @@ def spectra(findings: Findings) -> list[Figure]:
         Figure(
             "noise",
             "Noise of the flex channel on the road",
-            "What the fits leave over, by frequency: it weighs the orders of each revolution, so that standard errors hold under "
+            "Is the road's noise white? What the fits leave over, by frequency: it weighs the orders of each revolution, so that standard errors hold under "
             "coloured road noise.",
             "amplitude density of the noise of the flex voltage over frequency",
             [Panel(marks, Axis("frequency", "Hz", "log"), Axis("noise density", "V/Hz^0.5", "log"))],

@@ -112,7 +112,7 @@ def _at_shaft(here: pd.DataFrame) -> list[Mark]:
     marks: list[Mark] = [Rule(x=float(row["shaft"]), label="shaft")]
     if pd.notna(row["value"]):
         x, y = np.array([row["shaft"]], dtype=float), np.array([row["value"]], dtype=float)
-        marks.append(Points(x, y, "fault", "synchronous", *_limits(here)))
+        marks.append(Points(x, y, 3, "synchronous", *_limits(here)))
     return marks
 
 
