@@ -15,14 +15,13 @@ from pipeline.report.many_runs import conditions_table, left_out_table, models_s
 from pipeline.report.numbers import plain
 from pipeline.report.parameters import condition_text, unit_of_condition
 from pipeline.report.reading_units import ReadingUnit, reading_unit, typical
-from pipeline.report.table import MOST_ROWS, NOTHING, Head, Shown, TableView, badge, table_view
+from pipeline.report.table import MOST_ROWS, NOTHING, PROSE_FROM, Head, Shown, TableView, badge, table_view
 from pipeline.report.words import clean, typeset
 from pipeline.rigs.experiment import Experiment
 
 LEVELS = ("error", "warning", "note")
 _AGREES = {True: Status.agrees, False: Status.contradicts, None: Status.not_checkable}
 _HASH_DIGITS = 12
-_PROSE_FROM = 30  # signs of a remark
 _EXTRACT = 60  # rows that stand for a table too long to be shown, the gravest first
 
 
@@ -110,7 +109,7 @@ def _pairs(published: Sequence[Published]) -> list[list[Shown]]:
         rows.append([
             Shown(clean(entry.name), clean(entry.where)), Shown(texts[0], kind=_kind(entry.published)),
             Shown(texts[1], kind=_kind(entry.found)), Shown(unit.name), Shown(badge(_AGREES[entry.agrees])),
-            Shown(typeset(clean(entry.remark)), kind="prose" if len(entry.remark) > _PROSE_FROM else ""),
+            Shown(typeset(clean(entry.remark)), kind="prose" if len(entry.remark) > PROSE_FROM else ""),
         ])  # fmt: skip
     return rows
 

@@ -21,7 +21,7 @@ from pipeline.report.numbers import Reading, aligned_readings, plain, reading
 from pipeline.report.per_run import by_place, summed_up
 from pipeline.report.reading_units import ReadingUnit, reading_unit, size_of, typical
 from pipeline.report.symbols import symbol_html
-from pipeline.report.table import MOST_ROWS, Head, Shown, TableView, table_view
+from pipeline.report.table import MOST_ROWS, PROSE_FROM, Head, Shown, TableView, table_view
 from pipeline.report.uncertainty import type_a
 from pipeline.report.words import clean, typeset
 from pipeline.rigs.experiment import Experiment
@@ -30,7 +30,6 @@ from pipeline.rigs.experiment import Experiment
 _MOST_KEY_ROWS = 6
 _MOST_COLUMNS = 8
 _MOST_STAND_INS = 6
-_PROSE_FROM = 30  # signs; such a text has a column of a readable width
 _UNDETERMINED = "not determined"
 _SAID_ALREADY = re.compile(rf"^(?:[^:;,]{{0,40}} (?:is|are) )?{_UNDETERMINED}(?:[:;,] |$)")
 
@@ -243,7 +242,7 @@ def _list_view(
                 what,
                 shown,
                 Shown(row.unit),
-                *(Shown(t[number], kind="prose" if len(t[number]) > _PROSE_FROM else "") for _, t in more),
+                *(Shown(t[number], kind="prose" if len(t[number]) > PROSE_FROM else "") for _, t in more),
             ]
         )
     heads = [Head("Quantity"), Head("Value ± standard error", "95 % interval", True), Head("Unit")]

@@ -17,7 +17,7 @@ from pipeline.report.words import clean, text_width, typeset
 MOST_ROWS = 200
 NOTHING = "–"
 _HEIGHTS = {"long": 26, "tall": 9, "short": 0}  # rows
-_PROSE_FROM = 30  # signs
+PROSE_FROM = 30  # signs; such a text has a column of a readable width
 _WIDTHS = {"widest": 13, "wider": 10, "wide": 8}  # columns
 # Width of an A4 sheet and of a cell's padding in ems of the print type of "widest", "wider", "wide" and none (style.css).
 _SHEET = ((96.0, 0.7), (88.0, 0.65), (73.0, 1.05), (58.0, 1.7))
@@ -128,7 +128,7 @@ def _column(column: Column, cells: Sequence[Cell]) -> tuple[Head, list[Shown]]:
     numbers = [cell for cell in cells if isinstance(cell, int | float | Value) and not isinstance(cell, bool)]
     if not numbers:
         words = [_words(cell) for cell in cells]
-        prose = any(len(one.text) > _PROSE_FROM and not isinstance(one.text, Markup) for one in words)
+        prose = any(len(one.text) > PROSE_FROM and not isinstance(one.text, Markup) for one in words)
         return Head(_text(column.heading)), [replace(one, kind="prose") for one in words] if prose else words
     if all(isinstance(cell, int) for cell in numbers) and column.unit in ("", "1"):
         texts = [f"{cell:,}".replace(",", THIN) if _counts(cell) else _words(cell).text for cell in cells]
