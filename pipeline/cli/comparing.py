@@ -74,8 +74,11 @@ def _side(word: str) -> _Side:
     path = Path(word)
     if path.name == "findings.json" or (path / "findings.json").is_file() or path.suffix == ".json":
         return _Side(word, findings_of(word)[0])
-    if path.exists() and not _in_project():
-        raise InputError(f"{word}: holds no findings.json; name one, or the folder of one.")
+    if not _in_project():
+        found = "holds no findings.json" if path.exists() else "there is no such file or folder"
+        raise InputError(
+            f"{word}: {found}; name a findings.json or the folder of one. Campaigns and revisions can be named within a project only."
+        )
     project = Project.around(Path.cwd())
     if (project.root / "recipes" / f"{word}.yaml").is_file():
         return _Side(word, findings_of(word)[0])

@@ -65,7 +65,9 @@ def test_outside_a_project_a_folder_without_findings_is_named(
     (tmp_path / "empty").mkdir()
     storage.write(findings(1e5), tmp_path / "a")
     assert "empty: holds no findings.json" in rigfit("compare", "a", "empty").err
-    assert "not inside a rigfit project" in rigfit("compare", "a", "yesterday").err
+    told = rigfit("compare", "a", "yesterday").err
+    assert "yesterday: there is no such file or folder" in told
+    assert "within a project only" in told
     assert rigfit("compare", "a", "a").status == 0
     assert (tmp_path / "comparison.html").is_file()
 
