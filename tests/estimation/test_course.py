@@ -21,7 +21,13 @@ def one_change(found: Course, kind: str) -> Change:
 
 
 @pytest.mark.parametrize(
-    "n", [6, pytest.param(12, marks=pytest.mark.thorough), pytest.param(100, marks=pytest.mark.thorough), 3000]
+    "n",
+    [
+        6,
+        pytest.param(12, marks=pytest.mark.thorough),
+        pytest.param(100, marks=pytest.mark.thorough),
+        pytest.param(3000, marks=pytest.mark.thorough),
+    ],
 )
 def test_the_interval_of_the_level_covers_the_truth_in_nearly_95_of_100_campaigns(n: int) -> None:
     campaigns = {6: 120, 12: 120, 100: 60, 3000: 20}[n]

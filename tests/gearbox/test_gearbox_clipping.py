@@ -18,6 +18,7 @@ def found(span: float, run: str = "g3", seed: int = 5) -> Findings:
 
 @pytest.mark.parametrize("span", [3.0, 3.4, 4.0])
 @pytest.mark.parametrize("run", ["g1", "g3", "g8"])
+@pytest.mark.thorough
 def test_a_cut_brake_rise_keeps_its_slope(span, run):
     slope = found(span, run).one("torque_transfer_slope", phase="brake")
     if slope.value is not None:

@@ -39,6 +39,7 @@ def frozen(record, start, duration, lost):
 @pytest.mark.parametrize("lost", [False, True], ids=["catches up", "lost"])
 @pytest.mark.parametrize("duration", [0.09, 0.3])
 @pytest.mark.parametrize("start", PLACES)
+@pytest.mark.thorough
 def test_a_frozen_counter_is_named_with_its_times_and_never_a_stop_or_stall(start, duration, lost):
     found = segment(align(frozen(run(), start, duration, lost))[0])
     assert found.names == CYCLE

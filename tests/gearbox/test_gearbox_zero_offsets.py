@@ -18,6 +18,7 @@ def held(value, sd, dof, true):
 
 
 @pytest.mark.parametrize("memory", [0.02, 0.05, 0.1])
+@pytest.mark.thorough
 def test_the_zero_of_a_two_second_standstill_covers_whatever_the_memory_of_its_drift(memory):
     (recording,) = synthesize({"runs": ["g3"], "vibration": False}, 0)
     record = record_of(recording)

@@ -50,6 +50,7 @@ def test_campaign_is_recovered_from_its_logs(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.thorough
 def test_campaign_with_gain_scatter_is_recovered_from_its_logs(seed: int) -> None:
     fit = identify_loops(logged(seed, 0.004), ONE_VARIANT).selected
     assert_within(fit, 2, viscous=0.04, lag=10e-6)

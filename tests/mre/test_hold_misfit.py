@@ -37,6 +37,7 @@ def increments(found: Findings) -> list[tuple[float, float, tuple[float, float]]
 
 
 @pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.thorough
 def test_a_quadratic_force_has_the_increments_of_its_holds(seed: int) -> None:
     def share(current: np.ndarray | float) -> np.ndarray:
         return 0.65 * np.minimum(np.abs(current) / 6, 1) ** 2
@@ -94,6 +95,7 @@ def test_a_force_in_steps_of_five_newton_tells_no_relaxation_of_its_own() -> Non
     assert p.ci95 is None or p.ci95[0] < 0.02 < p.ci95[1]
 
 
+@pytest.mark.thorough
 def test_repeats_that_differ_are_named_and_those_that_agree_are_not() -> None:
     from dataclasses import replace
 

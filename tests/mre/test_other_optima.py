@@ -46,6 +46,7 @@ def test_one_loop_tells_no_number_that_is_far_off(seed: int) -> None:
     assert_numbers_hold(findings)
 
 
+@pytest.mark.thorough
 def test_the_reason_tells_over_which_range_others_fit_as_well() -> None:
     reasons = [
         parameter.description

@@ -68,6 +68,7 @@ def test_effect_at_equal_force_and_at_equal_amplitude() -> None:
     assert all(e.at["coil_current"] == 6.0 for e in table.effects)
 
 
+@pytest.mark.thorough
 def test_gain_scatter_is_in_the_intervals() -> None:
     _, _, table = fitted(0.004)
     truth = {200.0: (0.820, 0.687), 700.0: (0.401, 0.352)}

@@ -142,6 +142,7 @@ def test_an_asymmetric_force_rejects_the_model_and_is_named(campaign: list[Recor
         ("force", lambda t, v: np.where((t > 0.5) & (t < 0.9), v[2500], v), "stuck"),
     ],
 )
+@pytest.mark.thorough
 def test_a_dead_channel_of_one_run_leaves_that_run_out(
     campaign: list[Recording], channel: str, change: Change, words: str
 ) -> None:

@@ -109,6 +109,7 @@ def test_exchanged_labels_are_found_by_exchanging_them_where_leaving_one_out_hel
     assert set(odd) == names(loops, 3, 6)
 
 
+@pytest.mark.thorough
 def test_a_lag_of_two_runs_is_named_with_its_size() -> None:
     loops = with_faults(noisy({}, 3), {3: later(200e-6), 10: later(200e-6)})
     fit, odd, rivals = searched(loops)

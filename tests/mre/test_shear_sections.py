@@ -118,6 +118,7 @@ def test_the_agreement_of_every_metric_covers_zero_for_the_true_model(tmp_path: 
     assert len(table) == 4 * 6
 
 
+@pytest.mark.thorough
 def test_the_order_of_the_runs_is_shown_where_it_is_known(tmp_path: Path) -> None:
     findings = from_disk(sequence_campaign(), tmp_path)
     figure = blocks(list(SHEAR.sections(findings)))["sequence"]
@@ -134,6 +135,7 @@ def test_the_order_of_the_runs_is_shown_where_it_is_known(tmp_path: Path) -> Non
         ({2.0: 1.2e5, 4.0: 1.9e5, 6.0: 2.1e5}, "saturation begins"),
     ],
 )
+@pytest.mark.thorough
 def test_the_law_of_the_field_tells_whether_saturation_is_seen(k_mr: dict[float, float], words: str) -> None:
     findings = SHEAR.identify(SHEAR.synthesize({**SHORT, "k_mr": k_mr}, 4), ShearSettings(), Context("test", {}))
     law = field_laws(findings.parameters).set_index("name").loc["k_mr"]

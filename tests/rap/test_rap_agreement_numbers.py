@@ -166,6 +166,7 @@ def test_limits_are_the_bias_and_its_196_standard_deviations():
     assert found.lower.value == pytest.approx((found.bias.value or 0.0) - 1.96 * found.sd, abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_bias_scatters_over_runs_as_its_error_says():
     found = [limits("access", seed).samples.bias for seed in range(8)]
     values = np.array([one.value for one in found], dtype=float)

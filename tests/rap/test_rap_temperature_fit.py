@@ -124,6 +124,7 @@ def test_residuals_that_happen_to_be_nil_know_no_more_than_the_steps():
 
 
 @pytest.mark.parametrize("minutes", [10, 15, 20])
+@pytest.mark.thorough
 def test_a_record_too_short_to_tell_the_warming_says_so_and_seldom_claims_a_wrong_number(minutes: int) -> None:
     t = np.arange(0.0, 60.0 * minutes + 1.0, 60.0)
     true = {"temperature_initial": 298.95, "temperature_final": 303.95, "time_constant": 1200.0}

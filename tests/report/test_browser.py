@@ -120,6 +120,7 @@ def test_the_report_prints_whole(pages, window, tmp_path):
         assert any(label in sheet and caption in sheet for sheet in sheets), caption
 
 
+@pytest.mark.thorough
 def test_faults_are_seen(window, tmp_path):
     """What looks at the pages sees each of the faults that it is there for."""
     bad = tmp_path / "bad.html"

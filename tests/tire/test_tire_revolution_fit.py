@@ -89,6 +89,7 @@ def test_a_tire_as_a_bench_finds_it_moves_the_forces_by_no_more_than_its_systema
     assert abs(found.load_error.mean()) < 3.0 * np.nanmedian(sd_load)
 
 
+@pytest.mark.thorough
 def test_the_systematic_error_of_each_number_is_the_shift_that_it_causes():
     straight = drive(1)
     errors = systematic(known_library(), straight.forces.speed)

@@ -139,6 +139,7 @@ def test_creep_of_the_sensor_is_a_model_that_does_not_fit():
     assert all(length.value is None for length in contact_lengths(found, verdict))
 
 
+@pytest.mark.thorough
 def test_noise_told_too_small_widens_and_is_no_misfit():
     runs = [replace(run, std_error=run.std_error / 2.0) for run in _runs()]
     found, honest = fit_ring(runs, KNOWN), fit_ring(_runs(), KNOWN)

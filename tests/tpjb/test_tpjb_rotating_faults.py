@@ -83,6 +83,7 @@ def test_late_forces_are_shifted_and_the_error_of_the_delay_reaches_the_cross_te
 
 
 @pytest.mark.parametrize("friction", [100.0])
+@pytest.mark.thorough
 def test_friction_is_told_from_a_delay_and_taken_off(friction):
     findings = found(logs("A4", friction=friction))
     assert said(findings, "friction of stabilisers")
@@ -108,6 +109,7 @@ def test_clean_logs_have_neither_delay_nor_friction():
     assert findings.verdict == "ok"
 
 
+@pytest.mark.thorough
 def test_wild_and_missing_samples_are_left_out(a6):
     rows = np.arange(700)
     faults = {
