@@ -151,7 +151,7 @@ def calibrate(
         Of beam and axle, kg, where known: what an offset is compared with.
     repeat
         Five points leave a parabola two degrees of freedom: by chance they lie on it far better than runs repeat. What the
-        waveforms of all runs tell of that is pooled with it, unless the curve misses by more.
+        waveforms of all runs tell of that is pooled with it, unless the curve misses by more, or fewer than six runs tell it.
     """
     used, left_out = _at_one_speed(points)
     groups = _groups(used)
@@ -211,9 +211,11 @@ def _pooled(
     """Return the variance of a run's peak about the curve, ohm^2, and its degrees of freedom."""
     from scipy.special import fdtrc
 
-    if repeat is None or repeat.dof < 1:
+    if repeat is None or repeat.dof <= 2:
         return left, dof
-    told = own + float(
+    # `run_scatter` tells the mean of the square over all that is likely, nu/(nu - 2) of what nu degrees of freedom estimate:
+    # it holds the doubt that Student's t holds as well.
+    told = own + (repeat.dof - 2) / repeat.dof * float(
         np.mean((repeat.load * slopes * F) ** 2 + (repeat.gain**2 + (_BY_PRESSURE * repeat.pressure) ** 2) * y**2)
     )
     if told <= 0.0 or fdtrc(dof, repeat.dof, left / told) < _MISSES:
