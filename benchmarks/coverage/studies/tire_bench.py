@@ -6,6 +6,8 @@ middle of the run; of the calibration the quadratic through the true peaks at th
 the coloured noise as none. Wide on purpose: the loss factor and the tangential foundation carry a rotation that is uneven within
 the turn by 1e-4 at 10 km/h (drum, imbalance), which would pass for loss; these wheels turn evenly, and no run can tell. The
 peaks' errors hold that a wave of the load which runs in step with the drum may repeat from turn to turn; here it averages out.
+How far loads, gains and pressures differ between runs is told as the mean of its square over all that is likely, since few runs
+tell it badly: on average that makes the ring's errors about a tenth too large, those of the sensor's gain most.
 """
 
 from __future__ import annotations
