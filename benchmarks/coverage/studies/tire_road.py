@@ -5,9 +5,8 @@ and speed (raw and filtered) of the revolutions nearest to seven moments: steady
 compared: `load_rms_error` and `force_rms_error`, which hold the log against its own reference channels, and `packet_loss`, which
 is counted. Ten benches take turns: what the bench's gauges leave in load and force is one of ten draws, beside the drive's own.
 
-Speed misses where the wheel drives or brakes hard (moments 11.8 and 32.1 s: off by 0.002 m/s of 11, 1.2 to 1.5 standard errors, the
-same way each time; elsewhere its error is right): the waveform moves a little under the longitudinal force, and a passage with
-it, which its error does not hold. The moments of longitudinal events are told with an error twice too large.
+Where the wheel drives or brakes hard (moments 11.8 and 32.1 s) the speed is still off by half a standard error, the same way each
+time. The moments of longitudinal events are told with an error twice too large.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ weight. The noise's spectrum is learnt from what the fits leave over, so standar
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -52,6 +52,8 @@ _FARTHEST_SHIFT = 0.15
 _NEIGHBOURS = 31
 _WORST_MISFIT = 2.0
 _LEAST_SURE = 4.0
+# Two turns between the passages beside one, to so much (rad).
+_NEXT_TURNS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +67,7 @@ class Forces:
     load, load_se, force, force_se, correlation
         Fz and Fx at the passage, N; standard errors under the drive's noise, and the correlation of the two errors.
     shift
-        Angle (rad) of the contact's centre after the passage's time.
+        Angle (rad) by which the contact's centre lies before the passage: the waveform moves under the longitudinal force.
     resistance, resistance_se
         R0, ohm.
     gain_ratio
@@ -101,6 +103,22 @@ class Forces:
 
     def __len__(self) -> int:
         return int(self.time.size)
+
+
+def between_centres(forces: Forces) -> Forces:
+    """Return the revolutions with their rotation from the contact's centre before to the one behind, not between passages.
+
+    Passages lie where the waveform peaks, which moves with the longitudinal force: while that changes, they are not a turn
+    apart. Where a neighbour has no fit, or is not the next turn, the rotation stays that between passages.
+    """
+    behind, before = slice(2, None), slice(None, -2)
+    shift = np.where(forces.fits, forces.shift, np.nan)
+    moved = np.zeros(len(forces))
+    moved[1:-1] = shift[behind] - shift[before]
+    turned = np.full(len(forces), np.nan)
+    turned[1:-1] = forces.speed[1:-1] * (forces.time[behind] - forces.time[before])
+    next_turns = np.isfinite(moved) & (np.abs(turned - 4.0 * np.pi) < _NEXT_TURNS)
+    return replace(forces, speed=forces.speed * np.where(next_turns, 1.0 + moved / (4.0 * np.pi), 1.0))
 
 
 def joined(parts: list[Forces]) -> Forces:

@@ -29,7 +29,14 @@ from pipeline.rigs.tire.road.neighbour_scatter import with_scatter
 from pipeline.rigs.tire.road.noise_spectrum import NoiseSpectrum
 from pipeline.rigs.tire.road.record import References, references_of
 from pipeline.rigs.tire.road.reference import Comparison
-from pipeline.rigs.tire.road.revolution_fit import OTHER_GAIN, REASONS, Forces, RevolutionFit, joined
+from pipeline.rigs.tire.road.revolution_fit import (
+    OTHER_GAIN,
+    REASONS,
+    Forces,
+    RevolutionFit,
+    between_centres,
+    joined,
+)
 from pipeline.rigs.tire.road.rotation_only import without_forces
 from pipeline.rigs.tire.road.shape_causes import ShapeCauses
 from pipeline.rigs.tire.road.shape_error import ShapeError
@@ -206,7 +213,7 @@ def numbers_of(
         held = replace(held, tire=None, reason=reason)
         held = replace(held, findings=(*held.findings, withheld(recording.run, reason)))
         forces = replace(forces, fits=np.zeros(len(forces), dtype=bool))
-    forces = with_scatter(forces)
+    forces = between_centres(with_scatter(forces))
     references = references_of(recording)
     shape = fit.shape_error if fit is not None else None
     causes = causes_of(known, forces, shape)
