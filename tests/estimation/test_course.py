@@ -83,6 +83,7 @@ def test_a_step_is_found_to_the_run_or_nearly(n: int, size: float) -> None:
 
 
 @pytest.mark.parametrize(("n", "size"), [(30, 0.5), (60, 0.3)])
+@pytest.mark.thorough
 def test_a_step_in_the_middle_is_no_drift_and_told_once(n: int, size: float) -> None:
     """Of twenty campaigns nearly all tell the step alone; a drift found first is dropped beside the step."""
     told = []
@@ -94,6 +95,7 @@ def test_a_step_in_the_middle_is_no_drift_and_told_once(n: int, size: float) -> 
 
 
 @pytest.mark.parametrize(("n", "size"), [(60, 0.25), (200, 0.2)])
+@pytest.mark.thorough
 def test_a_slight_drift_is_no_step(n: int, size: float) -> None:
     told = [[change.kind for change in course(noisy(n, seed) + np.linspace(0, size, n)).changes] for seed in range(20)]
     assert sum(kinds == ["drift"] for kinds in told) >= 16

@@ -45,6 +45,7 @@ def test_boards_that_agree_are_left_alone(rpm):
 
 @pytest.mark.parametrize("shift", [-9.0, -3.0, 0.07, 3.0, 9.0])
 @pytest.mark.parametrize("board", ["encoder", "vibration"])
+@pytest.mark.thorough
 def test_clocks_that_are_seconds_apart_are_brought_together_and_told(board, shift):
     plain = run(120.0, 5)
     moved, clocks = align(replace(plain, **{board: getattr(plain, board).on_clock(-shift)}))

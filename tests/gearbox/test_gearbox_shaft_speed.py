@@ -45,6 +45,7 @@ def refused(recording: Recording) -> str:
 @pytest.mark.parametrize("run", FEW_RUNS)
 @pytest.mark.parametrize("vibration", [True, False])
 @pytest.mark.parametrize("ppr", [1024.0, 32.0])
+@pytest.mark.thorough
 def test_wrong_pulses_per_turn_are_named_without_a_nominal_speed(run, vibration, ppr):
     said = refused(log(run, vibration, encoder_ppr=ppr))
     assert "is wrong by that factor; 512 fits" in said

@@ -73,6 +73,7 @@ def test_log_that_is_no_loop_is_left_out_with_the_reason(change: Change, told: s
         (scaled(force_axial=-1.0, displacement_axial=-1.0), "sign turned"),
     ],
 )
+@pytest.mark.thorough
 def test_what_can_be_mended_is_mended_and_said(change: Change, told: str) -> None:
     faulty = changed(AT_0, change)
     campaign = found(faulty, AT_2)

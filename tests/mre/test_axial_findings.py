@@ -69,6 +69,7 @@ def test_accuracy_is_that_of_the_sheet() -> None:
     ],
     ids=str,
 )  # fmt: skip
+@pytest.mark.thorough
 def test_other_gauges_rates_and_pads_give_the_truth_too(rig: dict[str, Any]) -> None:
     campaign = found(*press(3, **rig))
     for p in campaign.parameters:

@@ -32,6 +32,7 @@ def assert_numbers_hold(findings: Findings) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
+@pytest.mark.thorough
 def test_small_loops_never_tell_alpha_or_rho_by_themselves(seed: int) -> None:
     findings = found({"amplitudes": [1e-4]}, seed)
     assert findings.one("alpha_bw").value is None

@@ -62,6 +62,7 @@ CURVED: list[tuple[str, Callable[[np.ndarray], Change], str]] = [
 
 
 @pytest.mark.parametrize(("channel", "bend", "words"), CURVED)
+@pytest.mark.thorough
 def test_a_curve_that_the_model_does_not_hold_is_named_and_the_intervals_hold_the_truth(
     channel: str, bend: Callable[[np.ndarray], Change], words: str
 ) -> None:

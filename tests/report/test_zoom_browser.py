@@ -246,7 +246,7 @@ def test_the_canvas_takes_the_colours_of_the_page_light_and_dark(open_page):
     assert page.evaluate(count, light) == 0
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 390), ("dark", 1200)])
+@pytest.mark.parametrize(("scheme", "width"), [("light", 390), pytest.param("dark", 1200, marks=pytest.mark.thorough)])
 def test_axe_finds_nothing_at_an_enlarged_panel(open_page, scheme, width):
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
     page = open_page(width, color_scheme=scheme)

@@ -170,6 +170,7 @@ def test_another_tire_is_left_out_and_a_wrong_size_is_not_believed():
     true_or_null(found)
 
 
+@pytest.mark.thorough
 def test_what_conditions_do_not_state_is_null_with_the_reason():
     found = identified([told(log, inflation_pressure=None) for log in logs()])
     assert found.one("belt_width").value is None
