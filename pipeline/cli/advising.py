@@ -38,7 +38,8 @@ def advise(campaign: str, as_json: bool) -> None:
 
 def _lines(campaign: str, advice: Advice, experiment: Experiment) -> Iterator[str]:
     if not advice.proposals:
-        yield f"{campaign} ({experiment.id}): no run that this rig can make would shrink an interval by much."
+        why = "" if advice.remarks else " None that this rig can make would shrink an interval by much."
+        yield f"{campaign} ({experiment.id}): no run is proposed.{why}"
     else:
         yield f"{campaign} ({experiment.id}): what to measure next, what tells most of all parameters together first."
         yield "Below each run the standard errors that it shrinks: now -> with it."
