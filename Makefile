@@ -10,6 +10,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 # One BLAS thread: the matrices are small, and two threads on two busy cores are slower than one.
 export OPENBLAS_NUM_THREADS ?= 1
+# DVC's own work between stages is one at a time, so that more than four lanes would wait for each other.
+LANES ?= $(shell nproc 2>/dev/null | awk '{print ($$1 < 4) ? $$1 : 4}' || echo 1)
 
 .PHONY: reports test tests test-thorough lint docs benchmark screenshots coverage-study schema setup clean
 .DEFAULT_GOAL := reports
@@ -27,6 +29,9 @@ setup: $(VENV)/ready
 reports: setup
 	@# A kill at the wrong millisecond leaves these of DVC empty, and it refuses to go on with them.
 	@for file in .dvc/tmp/rwlock dvc.lock; do test -s $$file || rm -f $$file; done
+	@# Campaigns that build on each other go in one lane, the lanes side by side. What fails there is tried once more by the
+	@# last command, which also makes the index: its messages and its exit status count.
+	$(BIN)/python -m pipeline.campaign.lanes | xargs -P $(LANES) -L 1 $(BIN)/dvc --wait-for-lock repro --keep-going || true
 	$(BIN)/dvc repro --keep-going
 	@echo "$(CURDIR)/reports/index.html"
 

@@ -45,10 +45,14 @@ class Project:
             raise InputError(f"{self.root / 'params.yaml'}: 'campaigns' must be a list of names.")
         return [str(name) for name in listed]
 
+    def uses(self) -> list[tuple[str, str]]:
+        """Return the pairs of `params.yaml` of a campaign and one whose findings it builds on."""
+        listed = yaml_text.load(self.root / "params.yaml").get("uses") or []
+        return [(str(e.get("campaign")), str(e.get("of"))) for e in listed if isinstance(e, dict)]
+
     def not_handed_over(self, name: str, uses: Sequence[str]) -> list[str]:
         """Return which of the campaigns that `name` uses `params.yaml` does not list, so that DVC cannot know."""
-        listed = yaml_text.load(self.root / "params.yaml").get("uses") or []
-        pairs = [(str(e.get("campaign")), str(e.get("of"))) for e in listed if isinstance(e, dict)]
+        pairs = self.uses()
         return [other for other in uses if (name, other) not in pairs]
 
     def dataset(self, name: str) -> str:
