@@ -24,14 +24,15 @@ from pipeline.report.accounts import (
     runs_tables,
 )
 from pipeline.report.advice import proposals_table
+from pipeline.report.budget import budget_table
 from pipeline.report.citation import bibtex, citation
 from pipeline.report.equations import Equations, equations
 from pipeline.report.figure import FigureView, figure_view
 from pipeline.report.gathered import MOST_TOLD, told
 from pipeline.report.parameters import key_table, parameter_tables
-from pipeline.report.repeating import check, steps
+from pipeline.report.repeating import check, steps, versions
 from pipeline.report.table import TableView, table_view
-from pipeline.report.uncertainty import budget_table, stated
+from pipeline.report.uncertainty import stated
 from pipeline.report.words import clean, typeset
 from pipeline.rigs.experiment import Experiment
 
@@ -104,7 +105,7 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
         ("published", "Published values", _some(published_table(findings.published))),
         ("quality", "Quality of the data", _quality(findings)),
         ("parameters", "All parameters", [*parameter_tables(findings, experiment)]),
-        ("uncertainty", "Scatter and calibration", _uncertainty(findings)),
+        ("uncertainty", "Scatter and calibration", _some(budget_table(findings, experiment))),
         ("runs", "Runs", _runs(findings, experiment)),
         ("paper", "Checks of the paper, without these logs", _some(paper_table(findings.published))),
         ("methods", "How it was done", _methods(findings, experiment)),
@@ -167,10 +168,6 @@ def _quality(findings: Findings) -> list[Block | Figure]:
     return tables or [Paragraphs(["Nothing was noticed, and nothing was repaired."])]
 
 
-def _uncertainty(findings: Findings) -> list[Block | Figure]:
-    return _some(budget_table(findings))
-
-
 def _runs(findings: Findings, experiment: Experiment) -> list[Block | Figure]:
     if not findings.runs:
         return []
@@ -192,16 +189,25 @@ def _methods(findings: Findings, experiment: Experiment) -> list[Block | Figure]
 
 def _repeat(findings: Findings, experiment: Experiment, command: str) -> list[Block | Figure]:
     blocks: list[Block | Figure] = [Code("Command", _abridged(command))]
-    by_hand, known = steps(findings), check(findings)
+    by_hand, known, exact = steps(findings), check(findings), versions(findings)
     if by_hand:
-        blocks.append(Code("The same step by step, in a folder that holds the recipe and the logs", by_hand))
+        needed = (
+            "the recipe, the logs and the findings used"
+            if findings.provenance.get("uses")
+            else "the recipe and the logs"
+        )
+        blocks.append(Code(f"The same step by step, in a folder that holds {needed}", by_hand))
+    elif known:
+        blocks.append(Code("Are the files those that were read?", known))
+    if exact:
+        blocks.append(Code("The same versions", exact))
         blocks.append(
             Paragraphs(
-                ["With these versions the findings are the same, bit for bit; rigfit compare tells what differs."]
+                [
+                    "With the same code and libraries the findings are the same, bit for bit; rigfit compare tells what differs."
+                ]
             )
         )
-    elif known:
-        blocks.append(Code("Are the logs those that were read?", known))
     facts = list(_facts(findings.provenance))
     if facts:
         blocks.append(Facts(facts))
@@ -219,13 +225,16 @@ def _abridged(command: str) -> str:
     return " ".join([*words[:MOST_TOLD], f"… {more} more words …", *words[-MOST_TOLD:]])
 
 
-_FACTS = {"recipe_sha256": "recipe's content, sha256 without comments and order"}
+_FACTS = {
+    "recipe_sha256": "recipe's content, sha256 without comments and order",
+    "code_sha256": "code that made the numbers, sha256",
+}
 
 
 def _facts(provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Put provenance into words; log hashes have a table of their own."""
+    """Put provenance into words; the hashes of files stand elsewhere."""
     for name, value in provenance.items():
-        if name == "logs" and isinstance(value, Mapping):
+        if name in ("logs", "uses") and isinstance(value, Mapping):
             continue
         if isinstance(value, Mapping):
             entries = [f"{key} {_told(entry)}" for key, entry in value.items()]

@@ -18,6 +18,7 @@ _DIGIT_SPACE = "\u2007"  # as wide as a digit
 _POINT_SPACE = "\u2008"  # as wide as a decimal point
 _WITHOUT_ERROR = 4
 _MOST_DIGITS = 9
+_ROUNDED_TO = 2  # most decimals that are taken for rounded
 _SAME_DECIMALS_WITHIN = 100.0  # largest over smallest number of a column
 _LEADING_ZEROS = 3  # 0.0012 is still read at a glance
 _NORMAL_95 = 1.959964
@@ -131,11 +132,12 @@ def reading(
 def alike(values: Sequence[float]) -> list[str] | None:
     """Write numbers without errors to the same decimals, four significant digits in the largest and more in none.
 
-    None where they differ too much in size for that.
+    Where they differ too much in size for that, decimals to which whoever made them has rounded are kept; else None.
     """
     sizes = [abs(value) for value in values if value != 0]
     if len(sizes) < 2 or max(sizes) >= _SAME_DECIMALS_WITHIN * min(sizes) or not 1e-3 <= min(sizes) < 1e6:
-        return None
+        kept = next((n for n in range(_ROUNDED_TO + 1) if all(round(v, n) == v for v in values)), None)
+        return None if kept is None or len(values) < 2 else [fixed(value, kept) for value in values]
     decimals = max(min(_WITHOUT_ERROR - 1 - math.floor(math.log10(size)) for size in sizes), 0)
     while decimals and all(math.isclose(round(value, decimals - 1), round(value, decimals)) for value in values):
         decimals -= 1
@@ -184,4 +186,4 @@ def aligned_readings(readings: Sequence[Reading | None]) -> list[str]:
 
 
 def _is_plain(text: str) -> bool:
-    return text != "" and all(sign in "0123456789." or sign in (MINUS, THIN) for sign in text)
+    return text != "" and all(sign in "+0123456789." or sign in (MINUS, THIN) for sign in text)

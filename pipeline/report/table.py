@@ -13,6 +13,7 @@ from pipeline.findings.figures import Cell, Column, Status, Table, Value
 from pipeline.report.numbers import THIN, Reading, aligned_readings, alike, reading
 from pipeline.report.reading_units import ReadingUnit, reading_unit, size_of, typical
 from pipeline.report.words import clean, text_width, typeset
+from pipeline.report.written import written_numbers
 
 MOST_ROWS = 200
 NOTHING = "–"
@@ -128,6 +129,12 @@ def _column(column: Column, cells: Sequence[Cell]) -> tuple[Head, list[Shown]]:
     numbers = [cell for cell in cells if isinstance(cell, int | float | Value) and not isinstance(cell, bool)]
     if not numbers:
         words = [_words(cell) for cell in cells]
+        written = written_numbers([one.text for one in words], NOTHING) if _bare(words) else None
+        if written:
+            texts, unit_name = written
+            kinds = ["number missing" if text == NOTHING else "number" for text in texts]
+            shown = [replace(one, text=text, kind=kind) for one, text, kind in zip(words, texts, kinds, strict=True)]
+            return Head(_text(column.heading), unit_name, True), shown
         prose = any(len(one.text) > PROSE_FROM and not isinstance(one.text, Markup) for one in words)
         return Head(_text(column.heading)), [replace(one, kind="prose") for one in words] if prose else words
     if all(isinstance(cell, int) for cell in numbers) and column.unit in ("", "1"):
@@ -145,6 +152,10 @@ def _column(column: Column, cells: Sequence[Cell]) -> tuple[Head, list[Shown]]:
             note = typeset(clean(cell.note)) if isinstance(cell, Value) else ""
             shown.append(Shown(text, "; ".join(filter(None, (found.interval, note))), "number"))
     return Head(_text(column.heading), unit.name, True), shown
+
+
+def _bare(words: Sequence[Shown]) -> bool:
+    return not any(isinstance(one.text, Markup) for one in words)
 
 
 def _of_same_decimals(

@@ -6,8 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.report.numbers import aligned, aligned_readings, fixed, plain, reading, warranted_decimals
+from pipeline.findings.figures import Column, Table
+from pipeline.report.numbers import aligned, aligned_readings, alike, fixed, plain, reading, warranted_decimals
 from pipeline.report.reading_units import reading_unit, size_of, spelt, typical
+from pipeline.report.table import table_view
 
 
 @pytest.mark.parametrize(
@@ -134,3 +136,19 @@ def test_a_zero_is_as_large_as_its_uncertainty():
 def test_the_typical_size_ignores_what_is_missing():
     assert typical([None, 0.0, math.nan, -3.0, 5.0, 4.0]) == 4.0
     assert typical([None, 0.0]) == 0.0
+
+
+def test_numbers_that_come_written_stand_as_numbers_with_their_unit_in_the_heading():
+    rows = [["0 A", "+0.25 ± 0.20 %", "3 %"], ["10.5 A", "−12.1 ± 4.0 %", "1 K"], [None, "", "off"]]
+    view = table_view(Table("t", "t", "", [Column("current"), Column("found"), Column("limit")], rows))
+    assert [(head.unit, head.number) for head in view.heads] == [("A", True), ("%", True), ("", False)]
+    current, found, limit = zip(*view.rows, strict=True)
+    assert [cell.text for cell in current] == ["0\u2008\u2007", "10.5", "–"]
+    assert [cell.text for cell in found] == ["+0.25 ± 0.20", "−12.1\u2007 ± 4.0\u2007", "–"]
+    assert {cell.kind for cell in (*current[:2], *found[:2])} == {"number"}
+    assert [cell.text for cell in limit] == ["3 %", "1 K", "off"]
+
+
+def test_what_was_rounded_keeps_its_decimals():
+    assert alike([44.88, 0.1, 0.0]) == ["44.88", "0.10", "0.00"]
+    assert alike([44.88, 0.0123]) is None

@@ -15,6 +15,7 @@ import pytest
 from pipeline.findings import Findings, ModelResult, Parameter, Published, Quality, Run
 from pipeline.findings.figures import Axis, Column, Figure, Line, Panel, Section, Table, Text, Value
 from pipeline.report.accounts import models_table
+from pipeline.report.budget import budget_table
 from pipeline.report.chapters import chapters
 from pipeline.report.citation import bibtex, citation
 from pipeline.report.index import IndexEntry, index_entry, render_index
@@ -341,3 +342,11 @@ def test_many_quantities_of_one_run_stand_in_tables_that_fit_a_page(experiment):
     views = parameter_tables(empty, experiment)
     assert [len(view.heads) for view in views] == [8, 7]
     assert all(len(view.rows) == 1 for view in views)
+
+
+def test_the_budget_speaks_as_the_paper_and_in_units_for_reading(findings, experiment):
+    one = next(p for p in findings.parameters if p.name == "k_mr" and p.at == {"coil_current": 2.0})
+    told = one.model_copy(update={"std_error": 500.0, "type_b": 300.0, "value": 50e3})
+    view = budget_table(findings.model_copy(update={"parameters": [told]}), experiment)
+    assert [cell.text for cell in view.rows[0]] == ["<var>k</var><sub>MR</sub>", "coil current 2 A", "1", "0.8", "0.6"]
+    assert [head.unit for head in view.heads] == ["", "", "%", "%", "%"]
