@@ -11,16 +11,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pipeline import __version__
+from pipeline.campaign.code_digest import code_digest
 from pipeline.campaign.conditions import SYNTHETIC
 from pipeline.campaign.ingested import Ingested
 from pipeline.campaign.parallel import in_parallel
 from pipeline.campaign.recipe import Recipe
-from pipeline.errors import InputError, counted, listing
+from pipeline.errors import counted, listing
 from pipeline.findings import Findings, Parameter, Quality, Run
 from pipeline.findings.storage import write
 from pipeline.findings.together import together
 from pipeline.recording import QualityFinding, Recording
-from pipeline.recording.storage import whole_or_not
+from pipeline.recording.storage import sha256_of, whole_or_not
 from pipeline.rigs.calibration import identify_calibrated
 from pipeline.rigs.experiment import Context
 
@@ -30,11 +31,19 @@ _TOLD = 3  # logs left out that are told with their reasons
 _ORDER = {"error": 0, "warning": 1, "note": 2}
 
 
+class Used(NamedTuple):
+    """Findings of another campaign that one builds on, and the file that they were read from."""
+
+    findings: Findings
+    path: str
+    sha256: str
+
+
 def identify(
     campaign: str,
     recipe: Recipe,
     ingested: Ingested,
-    uses: Mapping[str, Findings],
+    uses: Mapping[str, Used],
     folder: Path,
     progress: Callable[[float, str], None] = lambda _share, _what: None,
 ) -> Findings:
@@ -52,7 +61,7 @@ def identify(
     """
     recordings = ingested.recordings()
     told = [_told(recording) for recording in recordings]
-    context = Context(campaign, uses, progress, in_parallel)
+    context = Context(campaign, {name: used.findings for name, used in uses.items()}, progress, in_parallel)
     found = identify_calibrated(recipe.experiment, recordings, recipe.settings, context, recipe.calibration)
     noticed = [*ingested.quality, *(finding for entry in told for finding in entry.quality)]
     quality = _merged([*(_quality(finding) for finding in noticed), *found.quality])
@@ -70,7 +79,7 @@ def identify(
             "quality": quality,
             "runs": runs,
             "settings": recipe.settings.model_dump(mode="json"),
-            "provenance": _provenance(recipe, runs),
+            "provenance": _provenance(recipe, runs, uses),
         }
     )
     undeclared = {p.name for p in findings.parameters} - {spec.name for spec in recipe.experiment.parameters}
@@ -163,14 +172,16 @@ def _runs(told: list[_Told], found: Findings, ingested: Ingested) -> list[Run]:
     ]
 
 
-def _provenance(recipe: Recipe, runs: list[Run]) -> dict[str, Any]:
+def _provenance(recipe: Recipe, runs: list[Run], uses: Mapping[str, Used]) -> dict[str, Any]:
     return {
         "rigfit": __version__,
+        "code_sha256": code_digest(),
         "python": platform.python_version(),
         "libraries": {name: version(name) for name in LIBRARIES},
         "recipe": recipe.path,
         "recipe_sha256": recipe.digest,
         "logs": {path: digest for run in runs for path, digest in zip(run.files, run.sha256, strict=True)},
+        "uses": {used.path: used.sha256 for used in uses.values()},
     }
 
 
@@ -216,21 +227,16 @@ def write_plots(findings: Findings, folder: Path) -> None:
         writer.writerows((name.translate(_NO_MARKUP), f"{width:.6g}") for name, width in rows)
 
 
-def used_findings(names: Mapping[str, Path]) -> dict[str, Findings]:
-    """Read the findings of the campaigns that a recipe uses.
+def used(path: Path, shown: str) -> Used:
+    """Read findings that a campaign builds on, from their file or its folder; the provenance will name it as `shown`.
 
     Raises
     ------
     InputError
-        If one has none yet.
+        If they cannot be read.
     """
     from pipeline.findings.storage import read
 
-    found = {}
-    for name, path in names.items():
-        if not path.exists():
-            raise InputError(
-                f"the recipe uses the campaign '{name}', which has no findings yet ({path}); identify it first."
-            )
-        found[name] = read(path)
-    return found
+    findings = read(path)
+    inside = "/findings.json" if path.is_dir() else ""
+    return Used(findings, f"{shown}{inside}", sha256_of(Path(f"{path}{inside}")))

@@ -27,8 +27,19 @@ PATH = click.Path(path_type=Path)
 _STOPPED = "stopped; nothing half-written is left, run the same command again."
 
 
+def _version(context: click.Context, _option: click.Parameter, asked: bool) -> None:
+    """Say version and code as the provenance of findings does, so that they can be compared."""
+    if asked:
+        from pipeline.campaign.code_digest import code_digest
+
+        say(f"rigfit {__version__}, code {code_digest()}")
+        context.exit()
+
+
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96})
-@click.version_option(__version__, prog_name="rigfit")
+@click.option(
+    "--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Say which rigfit this is."
+)
 def rigfit() -> None:
     """From logs of mechanical test rigs to identified parameters with honest intervals, and a report.
 

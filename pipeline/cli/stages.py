@@ -48,7 +48,7 @@ def run(
     handed = {}
     for number, path in enumerate(uses):
         own = path.parent.resolve().name if path.is_file() and path.stem == "findings" else path.stem
-        handed[own if own not in handed else f"{own}-{number + 1}"] = findings_storage.read(path)
+        handed[own if own not in handed else f"{own}-{number + 1}"] = identify_stage.used(path, path.as_posix())
     command = shlex.join(["rigfit", *map(shown, sys.argv[1:])])
     with named(words, lambda number: progress("fetch", number)) as given, together(out) as fresh:
         runs = logs.runs_of(given.paths, given.origins)
@@ -114,13 +114,13 @@ def ingest(name: str, force: bool) -> None:
 def identify(name: str) -> int:
     """Identify a campaign from its recordings."""
     campaign, recipe = _campaign(name)
-    used = {other: _findings_of(other, campaign) for other in recipe.uses}
+    used = {other: _handed_over(other, campaign) for other in recipe.uses}
     with alone_in(campaign.results), share_done("identify") as tell:
         findings = identify_stage.identify(
             name,
             recipe,
             ingested.load(campaign.recordings),
-            identify_stage.used_findings(used),
+            used,
             campaign.results,
             tell,
         )
@@ -154,6 +154,15 @@ def _campaign(name: str) -> tuple[Campaign, Recipe]:
 
 def _findings_of(other: str, campaign: Campaign) -> Path:
     return Campaign(other, campaign.root).results / "findings.json"
+
+
+def _handed_over(other: str, campaign: Campaign) -> identify_stage.Used:
+    path = _findings_of(other, campaign)
+    if not path.exists():
+        raise InputError(
+            f"the recipe uses the campaign '{other}', which has no findings yet ({path}); identify it first."
+        )
+    return identify_stage.used(path, path.relative_to(campaign.root).as_posix())
 
 
 def _told(findings: Findings, page: Path | None) -> int:

@@ -27,12 +27,28 @@ def steps(findings: Findings) -> str:
 
 
 def check(findings: Findings) -> str:
-    """Return a command that says whether the logs are those that were read, '' where nothing is known of them."""
-    files = list(_logs(findings).items())[:_MOST_LOGS]
+    """Return a command that says whether logs and used findings are those that were read, '' where none are known."""
+    files = [*_files(findings, "uses").items(), *_logs(findings).items()][:_MOST_LOGS]
     told = "".join(f"{digest}  {clean(path)}\n" for path, digest in files)
     return f"sha256sum --check <<'END'\n{told}END" if told else ""
 
 
+def versions(findings: Findings) -> str:
+    """Return the commands that install the libraries and show which rigfit is there, '' where they are unknown."""
+    libraries = findings.provenance.get("libraries")
+    code = findings.provenance.get("code_sha256")
+    if not isinstance(libraries, Mapping) or not code:
+        return ""
+    pinned = " ".join(f"{clean(str(name))}=={clean(str(number))}" for name, number in libraries.items())
+    told = f"rigfit {findings.provenance.get('rigfit')}, code {code}"
+    return f"pip install {pinned}\nrigfit --version  # says: {clean(told)}"
+
+
 def _logs(findings: Findings) -> dict[str, str]:
-    logs = findings.provenance.get("logs")
-    return {str(path): str(digest) for path, digest in logs.items()} if isinstance(logs, Mapping) else {}
+    return _files(findings, "logs")
+
+
+def _files(findings: Findings, kind: str) -> dict[str, str]:
+    """Return the hashes of files by their paths."""
+    files = findings.provenance.get(kind)
+    return {str(path): str(digest) for path, digest in files.items()} if isinstance(files, Mapping) else {}

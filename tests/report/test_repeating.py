@@ -8,8 +8,12 @@ from html import unescape
 from pathlib import Path
 
 import pytest
+import yaml
 
+from pipeline.campaign.code_digest import FLOORS
+from pipeline.findings import Findings
 from pipeline.report.citation import bibtex
+from pipeline.report.repeating import check
 from pipeline.rigs.registry import all_experiments
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,6 +42,10 @@ def test_the_commands_of_a_report_give_the_same_findings_in_an_empty_folder(
     told = re.search(r"step by step.*?<code>(.*?)</code>", (first / "report.html").read_text("utf-8"), re.S)
     assert told
     text = unescape(told[1])
+    page = unescape((first / "report.html").read_text("utf-8"))
+    exact = re.search(r"rigfit --version  # says: (rigfit \S+, code [0-9a-f]{64})", page)
+    assert exact
+    assert rigfit("--version").out.strip() == exact[1]
     empty = tmp_path_factory.mktemp("again")
     begin(empty)
     before, check, after = re.split(r"(sha256sum .*?\nEND\n)", text, flags=re.S)
@@ -51,6 +59,22 @@ def test_the_commands_of_a_report_give_the_same_findings_in_an_empty_folder(
             assert program == "rigfit"
             assert rigfit(*words).status == 0, line
     assert bytes_of(empty / "reports" / CHEAP) == bytes_of(first)
+
+
+def test_the_code_that_findings_are_tied_to_is_the_code_whose_change_makes_dvc_identify_anew():
+    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text("utf-8"))["stages"]
+    depends = {
+        path.removeprefix("pipeline/") for path in stages["identify"]["do"]["deps"] if path.startswith("pipeline/")
+    }
+    assert depends == set(FLOORS)
+
+
+def test_used_findings_are_checked_with_the_logs():
+    used = {"reports/bench/findings.json": "a" * 64}
+    findings = Findings(
+        campaign="road", experiment="tire.road", verdict="ok", provenance={"logs": {"r1.csv": "b" * 64}, "uses": used}
+    )
+    assert check(findings).splitlines()[1:3] == [f"{'a' * 64}  reports/bench/findings.json", f"{'b' * 64}  r1.csv"]
 
 
 @pytest.mark.parametrize("experiment", sorted(all_experiments()))
