@@ -44,7 +44,7 @@ class PressuresSettings(Settings):
 OPERATING = (
     ConditionSpec("channel", "", "pressure tap: access, prefilter, return or uf"),
     ConditionSpec("harmonic", "1", "multiple of the blood pump's stroke frequency"),
-    ConditionSpec("flow_set", "m^3/s", "blood flow as set"),
+    ConditionSpec("flow_set", "m^3/s", "blood flow as set", read_as="mL/min"),
 )
 PARAMETERS = (
     ParameterSpec("lag", r"\Delta", "s", "device stamp + lag = bench time, at mid-run", "eq. 2; 5.1", key=True),

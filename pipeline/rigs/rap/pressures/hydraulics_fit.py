@@ -33,9 +33,9 @@ from pipeline.rigs.rap.tables import Signal
 
 NAMES = ("r_access", "r_filter", "r_return", "c_return", "l_return", "c_uf", "k_uf")
 UNOBSERVABLE = {
-    "c_1": "C_1 (pump to filter) is mixed with the unknown waveform of the pump; a pump that stops hard within 50 ms would tell it",
-    "c_access": "C_a rings with L_a for 0.4 s only when the pump stops fast; a ramp of 0.3 to 0.5 s hides it",
-    "l_access": "L_a rings with C_a for 0.4 s only when the pump stops fast; a ramp of 0.3 to 0.5 s hides it",
+    "c_1": "the compliance from pump to filter is mixed with the unknown waveform of the pump; a pump that stops hard within 50 ms would tell it",
+    "c_access": "it rings with Lₐ for 0.4 s only when the pump stops fast; a ramp of 0.3 to 0.5 s hides it",
+    "l_access": "it rings with Cₐ for 0.4 s only when the pump stops fast; a ramp of 0.3 to 0.5 s hides it",
 }
 _OPEN = (
     "; the flow meter's place is {}: only windows without ultrafiltration are used, in which both places read the same"
@@ -226,7 +226,7 @@ def _c_uf(switched: UfSteps | None, K: Proportion | str, b: _TypeB) -> Estimate:
         dof=dof,
         type_b=value * u or None,
         logarithmic=True,
-        reason=f"from tau_u = {switched.tau:.3f} s; random part {100 * random:.2g} %; {words}",
+        reason=f"from τᵤ = {switched.tau:.3f} s; random part {100 * random:.2g} %; {words}",
     )
 
 

@@ -67,7 +67,7 @@ def _sensors(run: RunNumbers, settings: PressuresSettings) -> list[Judged]:
         if offset.value is not None and offset.ci95 is not None:
             word, mood = within(offset, 0.0, settings.offset_tolerance)
             half = 0.5 * (offset.ci95[1] - offset.ci95[0])
-            answer = f"{offset.value:+.1f} ± {half:.1f} Pa ({offset.value / MMHG:+.2f} ± {half / MMHG:.2f} mmHg)"
+            answer = f"{offset.value:+.1f} ± {half:.1f} Pa ({offset.value / MMHG:+.3f} ± {half / MMHG:.3f} mmHg)"
             limit = f"offset within {settings.offset_tolerance / MMHG:.3g} mmHg"
             found.append(Judged(run.name, name, limit, answer, word, mood))
     return found

@@ -45,5 +45,6 @@ def _answers(findings: Findings) -> Blocks:
         Column("answer, 95 %"),
         Column("verdict"),
     ]
-    caption = "Within: the whole interval lies in the tolerance. Outside: none of it does. Undecided: it crosses the edge, and a longer run would tell."
+    met = int((table["mood"] == "ok").sum())
+    caption = f"{met} of {len(table)} questions are answered as they should be. Within: the whole interval lies in the tolerance. Outside: none of it does. Undecided: it crosses the edge, and a longer run would tell."
     return [Table("answers", "What was asked of the pressures", caption, columns, rows)]

@@ -24,8 +24,10 @@ from pipeline.findings.figures import (
     Value,
 )
 from pipeline.rigs.rap.conditions import TAP_NAMES, TAPS
+from pipeline.rigs.rap.pressures import captions
 from pipeline.rigs.rap.pressures.declaration import MMHG
 from pipeline.rigs.rap.pressures.sections_alignment import Blocks, by_run, of_run
+from pipeline.rigs.rap.wording import grouped
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,7 +55,7 @@ def of_agreement(findings: Findings) -> Blocks:
         blocks.append(
             Figure(
                 f"bland_altman_{run}", f"Bland-Altman{of_run(findings, run)}",
-                "How far may a device reading be from the bench's? Differences over means after clocks and bandwidth were made equal, nothing else corrected: "
+                f"How far may a device reading be from the bench's? {captions.agreement(limits)} Differences over means after clocks and bandwidth were made equal, nothing else corrected: "
                 "left single samples (some of them drawn), right means of 5 s. Bands are 95 % intervals of bias and limits from blocks of 20 s; neighbouring samples are no "
                 "independent ones.",
                 "differences of device and bench over their mean with bias and limits of agreement, tap by tap", panels, columns=2,
@@ -89,19 +91,19 @@ def _limits(findings: Findings, run: str, limits: pd.DataFrame) -> Blocks:
     rows: list[list[Cell]] = [
         [
             TAP_NAMES.get(str(r["channel"]), str(r["channel"])), _KINDS.get(str(r["kind"]), str(r["kind"])), _value(r, "bias"), _value(r, "lower"),
-            _value(r, "upper"), f"{r['bias'] / MMHG:+.2f} ({r['lower'] / MMHG:+.2f} to {r['upper'] / MMHG:+.2f})",
-            f"± {0.5 * (r['upper'] - r['lower']) / MMHG:.2f}", int(r["n"]), int(r["blocks"]),
+            _value(r, "upper"), *(round(float(r[name]) / MMHG, 2) * MMHG + 0.0 for name in ("bias", "lower", "upper")),
+            round(0.5 * float(r["upper"] - r["lower"]) / MMHG, 2) * MMHG, int(r["n"]), int(r["blocks"]),
         ]
         for r in limits.to_dict("records")
     ]  # fmt: skip
     columns = [
-        Column("tap"), Column("of"), Column("bias", "Pa"), Column("lower limit", "Pa"), Column("upper limit", "Pa"), Column("bias (limits), mmHg"),
-        Column("limits about bias, mmHg"), Column("n"), Column("blocks"),
+        Column("tap"), Column("of"), Column("bias", "Pa"), Column("lower limit", "Pa"), Column("upper limit", "Pa"),
+        *(Column(name, "mmHg") for name in ("bias", "lower limit", "upper limit", "half width")), Column("n"), Column("blocks"),
     ]  # fmt: skip
     return [
         Table(
             f"limits_{run}", f"Limits of agreement{of_run(findings, run)}",
-            "Bias and bias -/+ 1.96 standard deviations with 95 % intervals. The findings carry those of samples; those 'only shifted' keep the device's filter delay in and "
+            f"Bias and bias -/+ 1.96 standard deviations with 95 % intervals. {captions.equalised(limits)} The findings carry those of samples; those 'only shifted' keep the device's filter delay in and "
             "show what equalising is worth.",
             columns, rows,
         ),
@@ -117,11 +119,12 @@ def _trends(findings: Findings, run: str, limits: pd.DataFrame) -> Blocks:
     rows: list[list[Cell]] = [
         [
             TAP_NAMES.get(str(r["channel"]), str(r["channel"])), Value(float(r["slope"]), float(r["slope_sd"])),
-            Status("grows with pressure", "warning") if abs(r["slope"]) > 2.6 * r["slope_sd"] else Status("none seen", "ok"),
+            Status("grows with pressure", "warning") if _grows(r) else Status("none seen", "ok"),
         ]
         for r in known.to_dict("records")
     ]  # fmt: skip
-    caption = "Slope of the difference over the mean of both (5 s means): limits about a constant bias then hold at mid-range only, and gain and offset say more."
+    told = grouped(((TAP_NAMES.get(str(r["channel"]), str(r["channel"])), "it grows" if _grows(r) else "no slope is seen") for r in known.to_dict("records")), "every tap")  # fmt: skip
+    caption = f"Does the difference grow with the pressure? {told[0].upper()}{told[1:]}. Slope of the difference over the mean of both (5 s means): where there is one, limits about a constant bias hold at mid-range only, and gain and offset say more."
     return [
         Table(
             f"trend_{run}",
@@ -131,6 +134,10 @@ def _trends(findings: Findings, run: str, limits: pd.DataFrame) -> Blocks:
             rows,
         )
     ]
+
+
+def _grows(row: dict[Hashable, Any]) -> bool:
+    return bool(abs(row["slope"]) > 2.6 * row["slope_sd"])
 
 
 def _value(row: dict[Hashable, Any], name: str) -> Value:
@@ -155,8 +162,8 @@ def of_gains(findings: Findings) -> Blocks:
         blocks.append(
             Figure(
                 f"deming_{run}", f"Deming regression{of_run(findings, run)}",
-                "What are gain and offset of the device? Means of 5 s of the device less those of the bench, over the bench's, with the line of Deming's regression and its "
-                "95 % band. A regression on raw pulsating samples would give 0.95 for a true 1.015.",
+                f"What are gain and offset of the device? {captions.gains(findings.arrays['gains'], run)} Means of 5 s of the device less those of the bench, over the bench's, with the line of Deming's regression and its "
+                "95 % band. Raw pulsating samples would give a gain several per cent too low.",
                 "device less bench over bench with regression line, tap by tap", panels, columns=2,
             )
         )  # fmt: skip
@@ -217,12 +224,12 @@ def of_coherence(findings: Findings) -> Blocks:
                         f"{6e7 * float(str(flow)):.3g} mL/min",
                     )
                 )
-            marks.append(Rule(y=float(one["threshold"].median()), role="reference", label="95 % threshold"))
+            marks.append(Rule(y=float(one["threshold"].median()), role="reference"))
             panels.append(Panel(marks, Axis("frequency", "Hz"), Axis("coherence"), TAP_NAMES[tap]))
         blocks.append(
             Figure(
                 f"coherence_{run}", f"Coherence at the pump's lines{of_run(findings, run)}",
-                "Up to which harmonic do both see the same pulsation? Coherence at each line and set-point (Welch, 256 samples, Hann, half overlapping); below the threshold it is chance. "
+                f"Up to which harmonic do both see the same pulsation? {captions.coherent(rows)} Coherence at each line and set-point (Welch, 256 samples, Hann, half overlapping); below the dashed 95 % threshold it is chance. "
                 "Between the lines there is noise only, and coherence says nothing.",
                 "coherence of device and bench at the harmonics of the pump, tap by tap", panels, columns=2,
             )

@@ -8,8 +8,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.findings import Findings
-from pipeline.findings.figures import Axis, Band, Cell, Column, Figure, Line, Mark, Panel, Points, Rule, Table, Text
+from pipeline.findings.figures import (
+    Axis,
+    Band,
+    Cell,
+    Column,
+    Figure,
+    Line,
+    Mark,
+    Panel,
+    Points,
+    Rule,
+    Table,
+    Text,
+    Value,
+)
 from pipeline.rigs.rap.conditions import TAP_NAMES
+from pipeline.rigs.rap.pressures import captions
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +57,8 @@ def of_overlay(findings: Findings) -> Blocks:
         blocks.append(
             Figure(
                 f"overlay_{run}", f"Ten seconds of each pressure{of_run(findings, run)}",
-                "Do both see the same pressure once clock and bandwidth are equal? Left device and bench, right their difference: it should be noise "
+                "Do both see the same pressure once clock and bandwidth are equal? "
+                f"{captions.overlay(rows, findings.arrays['checks'][findings.arrays['checks']['run'] == run])} Left device and bench, right their difference: it should be noise "
                 "without a line of the pump. The bench went through the device's pole; the device's gain and offset (Deming) are taken off.",
                 "device and bench pressures over ten seconds, tap by tap, and their differences", panels, columns=2,
             )
@@ -64,7 +80,7 @@ def of_clock(findings: Findings) -> Blocks:
         blocks.append(
             Figure(
                 f"clock_{run}", f"Lag of the device's clock{of_run(findings, run)}",
-                f"Is the lag that and no other one? {one['told']} Left: correlation of how the slow parts change (starts, stops, steps; the pump's lines are "
+                f"Is the lag that and no other one? {one['told']}{captions.clock(findings, run)} Left: correlation of how the slow parts change (starts, stops, steps; the pump's lines are "
                 "filtered off), which a periodic signal cannot decide. Right: the lag in each window from the phases of the pump's lines, with the line of the "
                 "clock's rate.",
                 "correlation over lag with the second-highest peak, and lag over time with a drift line", panels, columns=2,
@@ -129,7 +145,7 @@ def of_poles(findings: Findings) -> Blocks:
         blocks.append(
             Figure(
                 f"lines_{run}", f"Device over bench at the pump's lines{of_run(findings, run)}",
-                "Is a gain and a pole all that the device adds? Size of the ratio at each harmonic and speed, with eq. (2) as fitted: gain and pole of the device, "
+                f"Is a gain and a pole all that the device adds? {captions.lines(rows)} Size of the ratio at each harmonic and speed, with eq. (2) as fitted: gain and pole of the device, "
                 "pole of the bench. A tap that falls off the line has air, a loose dome or another sensor.",
                 "size of device over bench against frequency, tap by tap", panels, columns=2,
             )
@@ -167,7 +183,7 @@ def clock_table(findings: Findings) -> Blocks:
         return []
     columns = [Column("run"), Column("lag at mid-run", "s"), Column("rate error, ppm"), Column("lag at the end", "s"), Column("second peak / first"), Column("stamps jitter", "s"), Column("found from")]  # fmt: skip
     rows: list[list[Cell]] = [
-        [str(r["run"]), float(r["lag"]), round(1e6 * float(r["rate"]), 2), float(r["lag_end"]), round(float(r["margin"]), 3), float(r["jitter"]), str(r["method"])]
+        [str(r["run"]), _with_error(r["lag"], r["lag_sd"]), _with_error(1e6 * r["rate"], 1e6 * r["rate_sd"]), round(float(r["lag_end"]), 4), round(float(r["margin"]), 3), round(float(r["jitter"]), 4), str(r["method"])]
         for r in clock.to_dict("records")
     ]  # fmt: skip
     return [
@@ -179,3 +195,7 @@ def clock_table(findings: Findings) -> Blocks:
             rows,
         )
     ]
+
+
+def _with_error(value: float, sd: float) -> Value:
+    return Value(float(value) if np.isfinite(value) else None, float(sd) if np.isfinite(sd) else None)

@@ -22,6 +22,7 @@ from pipeline.findings.figures import (
     Table,
     Text,
 )
+from pipeline.rigs.rap.pressures import captions
 from pipeline.rigs.rap.pressures.declaration import MMHG, PARAMETERS
 from pipeline.rigs.rap.pressures.paper import ML_MIN
 from pipeline.rigs.rap.pressures.sections_alignment import Blocks, by_run, of_run
@@ -31,11 +32,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _NAMES = ("r_access", "r_filter", "r_return", "c_return", "l_return", "c_uf", "k_uf")
-_SYMBOLS = {"r_access": "Ra", "r_filter": "Rf", "r_return": "Rr", "c_return": "C2", "l_return": "Lr", "c_uf": "Cu", "k_uf": "Kuf"}  # fmt: skip
-_LINES = {"r_access": "access: -P_a over Q", "r_filter": "filter: P_pre - P_ret over Q - Q_uf/2", "r_return": "return: P_ret over Q - Q_uf", "k_uf": "membrane: Q_uf over TMP"}  # fmt: skip
+_SYMBOLS = {"r_access": "Rₐ", "r_filter": "Rf", "r_return": "Rᵣ", "c_return": "C₂", "l_return": "Lᵣ", "c_uf": "Cᵤ", "k_uf": "Kuf"}  # fmt: skip
+_LINES = {"r_access": "access: suction over flow", "r_filter": "filter: drop over mean flow", "r_return": "return: pressure over flow", "k_uf": "membrane: UF rate over TMP"}  # fmt: skip
 # Pa s/m3 in 1 mmHg/(mL/min); m3/(s Pa) in 1 mL/h/mmHg (rap.md, section 1).
-_R_UNIT, _K_UNIT = 7.9993e9, 2.0835e-12
-_HIDDEN = {"c_1": "C1", "c_access": "Ca", "l_access": "La"}
+_R_UNIT, _K_UNIT = 7.9993e9, captions.K_UNIT
+_HIDDEN = {"c_1": "C₁", "c_access": "Cₐ", "l_access": "Lₐ"}
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 
@@ -165,7 +166,7 @@ def _means(findings: Findings) -> Blocks:
         blocks.append(
             Figure(
                 f"resistance_{run}", f"Resistances and membrane{of_run(findings, run)}",
-                "Are the resistances constant? Means of whole steps over the flow that passes, with the line found (through the origin where the zero is known), and what it leaves in percent: a slope there is an "
+                f"Are the resistances constant? {captions.constant(findings.arrays['checks'], run)} Means of whole steps over the flow that passes, with the line found (through the origin where the zero is known), and what it leaves in percent: a slope there is an "
                 "offset left over, or turbulence; a trend within a set-point is told among the quality findings.",
                 "mean pressures over flow with lines through the origin and relative residuals", panels, columns=2,
             )
@@ -198,7 +199,7 @@ def _bode(findings: Findings) -> Blocks:
         blocks.append(
             Figure(
                 f"bode_{run}", f"Return over pre-filter pressure{of_run(findings, run)}",
-                "Do a compliance and an inertance behind the filter explain how the pulsation decays? Ratio of the pulsations at the pump's lines, all speeds, with eq. (4): it does not "
+                f"Do a compliance and an inertance behind the filter explain how the pulsation decays? {captions.filtered(findings, rows, curve, run)} Ratio of the pulsations at the pump's lines, all speeds, with eq. (4): it does not "
                 "depend on the pump nor on the compliance before the filter.",
                 "size and phase of return over pre-filter pulsation against frequency with the fitted model",
                 [Panel(sizes, Axis("frequency", "Hz"), Axis("|P_ret/P_pre|"), "size"), Panel(phases, Axis("frequency", "Hz"), Axis("phase", "rad"), "phase")],
@@ -240,7 +241,7 @@ def _tmp(findings: Findings) -> Blocks:
         blocks.append(
             Figure(
                 f"tmp_{run}", f"Membrane{of_run(findings, run)}",
-                f"Does the membrane pass what is asked of it, alike at every blood flow and to the end? TMP over the run, the coefficient in each step with UF on, and how the "
+                f"Does the membrane pass what is asked of it, alike at every blood flow and to the end? {captions.membrane(findings, run, membrane)} TMP over the run, the coefficient in each step with UF on, and how the "
                 f"ultrafiltrate pressure follows when UF is switched.{told} Saline has no protein: a decline would be temperature (about 2 %/K), offset drift, air or a flow error.",
                 "transmembrane pressure over time, ultrafiltration coefficient by step, response to switches", panels, columns=2,
             )

@@ -1,0 +1,51 @@
+"""Captions answer from the tables that they stand under: sound, faulty and missing data each get a true sentence."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from pipeline.rigs.rap.pressures import captions
+from pipeline.rigs.rap.wording import chance, grouped, plus_minus, signed
+
+
+def test_words_have_no_minus_zero_and_no_powers_of_ten() -> None:
+    assert [signed(-0.004, 2), signed(-0.006, 2), signed(3.0, 1)] == ["0.00", "-0.01", "+3.0"]
+    assert [chance(2.2e-6), chance(0.00431)] == ["below 0.0001", "0.0043"]
+    assert plus_minus(39.704, 0.4651, "ppm") == "39.70 +- 0.47 ppm"
+    assert grouped([("a", "within"), ("b", "within")], "every tap") == "within at every tap"
+    assert (
+        grouped([("a", "within"), ("b", "outside"), ("c", "within")], "every tap") == "within at a and c; outside at b"
+    )
+
+
+def gains(words: tuple[str, str]) -> pd.DataFrame:
+    return pd.DataFrame({
+        "run": "r", "channel": ["access", "return"], "gain": [1.0114, 1.05], "offset": [-61.0, 40.0],
+        "gain_word": words, "offset_word": ["within", "undecided"],
+    })  # fmt: skip
+
+
+def test_gains_outside_their_tolerance_are_named() -> None:
+    assert "gains lie within at every tap" in captions.gains(gains(("within", "within")), "r")
+    assert "gains lie within at access; outside at return" in captions.gains(gains(("within", "outside")), "r")
+    assert captions.gains(gains(("within", "within")), "other") == "They could not be told."
+
+
+def test_a_line_left_and_a_check_beyond_are_named() -> None:
+    rows = pd.DataFrame({"channel": ["access"] * 2 + ["uf"] * 2, "residual": [3.0, -3.0, 10.0, 10.0]})
+    checks = pd.DataFrame({"name": "residual_line", "channel": ["access", "uf"], "exceeds": [False, True]})
+    assert captions.overlay(rows, checks).startswith(
+        "What is left is 3 Pa at access and 10 Pa at ultrafiltrate (rms); a line"
+    )
+    assert "left at ultrafiltrate" in captions.overlay(rows, checks)
+    assert "no line of the pump is left" in captions.overlay(rows, checks.assign(exceeds=False))
+    assert captions.checks(checks) == "1 of 2 are beyond: see ultrafiltrate."
+    assert captions.checks(checks.assign(exceeds=False)) == "None of the 2 is beyond its limit."
+
+
+def test_coherence_counts_harmonics_from_the_first_on() -> None:
+    rows = pd.DataFrame({
+        "channel": ["access"] * 4 + ["uf"] * 2, "harmonic": [1, 2, 3, 1, 1, 2], "threshold": 0.2,
+        "coherence": [0.9, 0.1, 0.5, 0.8, 0.1, 0.9],
+    })  # fmt: skip
+    assert captions.coherent(rows) == "At every set-point up to k = 1 at access; at none at ultrafiltrate."
