@@ -114,6 +114,8 @@ def test_a_good_campaign_is_ok_and_its_report_and_methods_are_written():
     names = [chapter.name for chapter in sections(found)]
     assert names == ["errors", "calibration", "left_out", "trap", "set_points", "windows", "runs"]
     assert len(methods(found)) == 4
+    slower = found.model_copy(update={"settings": {**found.settings, "slowest": 0.55}})
+    assert "between 0.55 and 3.5 Hz" in methods(slower)[0]
 
 
 def test_the_meter_s_gain_enters_as_type_b():

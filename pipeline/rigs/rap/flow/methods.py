@@ -23,7 +23,7 @@ def _windows(findings: Findings) -> str:
     return (
         f"The device's pressures (RAP 2019) were cut into windows of {settings.window:g} s between starts, stops, steps of set-points and clamp changes; "
         f"{settings.settle:g} s behind and {settings.before:g} s ahead of each change were left out. In each window the roller passages' frequency is the peak of the "
-        "periodogram between 0.8 and 3.5 Hz, refined within 8 % by least squares of mean, trend and three harmonics at the exact stamps; the amplitude A_1 is that of "
+        f"periodogram between {settings.slowest:g} and {settings.fastest:g} Hz, refined within 8 % by least squares of mean, trend and three harmonics at the exact stamps; the amplitude A_1 is that of "
         "the same fit. Windows in which the line is below six of its standard errors (pump stopped), in which the frequency jumps by a factor 2 or 3 while the level stays "
         "(another line of the pump) or whose residual is far above the others' are left out. Mean pressures are zeroed by what the sensors read while the pump "
         f"stands.{told}"
