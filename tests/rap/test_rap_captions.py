@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
+from pipeline.rigs.rap.flow import captions as flow
 from pipeline.rigs.rap.pressures import captions
 from pipeline.rigs.rap.wording import chance, grouped, plus_minus, signed
 
@@ -49,3 +50,19 @@ def test_coherence_counts_harmonics_from_the_first_on() -> None:
         "coherence": [0.9, 0.1, 0.5, 0.8, 0.1, 0.9],
     })  # fmt: skip
     assert captions.coherent(rows) == "At every set-point up to k = 1 at access; at none at ultrafiltrate."
+
+
+def test_the_better_estimator_of_flow_is_the_one_of_the_hold_out() -> None:
+    errors = pd.DataFrame({
+        "estimator": ["E2", "E2", "E3", "E3"], "set": ["calibration", "holdout"] * 2, "group": ["calibration", "hold-out, tube A"] * 2,
+        "worst": [0.02, 0.03, 0.001, 0.12], "rms": [0.01, 0.02, 0.0005, 0.08], "mean": [0.0, 0.001, 0.0, -0.05],
+    })  # fmt: skip
+    assert flow.held_out(errors) == "By the hold-out E2 predicts better: it is off by 3 % at most, E3 by 12 %."
+    assert "no hold-out" in flow.held_out(errors[errors["set"] == "calibration"])
+    assert (
+        "E3 leaves 0.05 % (rms) of the calibration and on the mean is off by -5.00 % (hold-out, tube A)"
+        in flow.laws(errors)
+    )
+    assert flow.laws(errors.iloc[:0]) == "Neither could be calibrated."
+    windows = pd.DataFrame({"E2_error": [0.01, -0.2], "E3_error": [float("nan")] * 2})
+    assert flow.beyond(windows, 0.0912) == "Beyond 9.12 % lie 1 of 2 windows of E2."

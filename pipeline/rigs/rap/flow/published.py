@@ -45,7 +45,7 @@ def _own(found: Campaign) -> list[Published]:
     return [
         Published(
             name="worst error of the device's own estimate", published=WORST_ERROR, found=worst, where=_WHERE, agrees=worst <= WORST_ERROR * 1.02,
-            remark=f"blood_flow_rap as logged, access line open, {errors.size} windows; meter on the {found.location.trusted or 'unknown'} line",
+            remark=f"the device's blood flow as logged, access line open, {errors.size} windows; meter on the {found.location.trusted or 'unknown'} line",
         )
     ]  # fmt: skip
 

@@ -8,10 +8,16 @@ import numpy as np
 
 from pipeline.findings import Findings, Parameter
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Table, Text
+from pipeline.rigs.rap.flow import captions
 from pipeline.rigs.rap.flow.estimators import F_0
 from pipeline.rigs.rap.flow.sections_errors import Blocks, roles
 
 _COEFFICIENTS = ("stroke_volume", "y0", "y1", "stroke_volume_mean", "pump_compliance")
+# Symbol, size of the unit in SI and unit of each law's coefficients.
+_UNITS = {
+    "E1": (("V", 1e-6, "mL"),), "affine": (("a", 1e-6, "mL"), ("b", 1e-6 / 60.0, "mL/min")),
+    "E2": (("V_g", 1e-6, "mL"), ("y₀", 1e-12, "10⁻¹² m³/(s Pa)"), ("y₁", 1e-12, "10⁻¹² m³/Pa")), "E3": (("V₀", 1e-6, "mL"), ("C_p", 1e-12, "10⁻¹² m³/Pa")),
+}  # fmt: skip
 _TRAP = {"E1": "E1, V f", "affine": "Q = a f + b", "E2": "E2, pulsation", "E3": "E3, mean pressures"}
 
 
@@ -30,8 +36,8 @@ def of_calibration(findings: Findings) -> Blocks:
         blocks.append(
             Figure(
                 "strokes", "What a stroke delivers",
-                "Do the laws hold? Left: the volume of a stroke falls with the mean back pressure, on one line for all speeds where E3 holds. Right: the flow that a pascal of "
-                "pulsation stands for, (V_g f - Q)/A₁, against the speed; E2's line passes through the operating points of the calibration.",
+                f"Do the laws hold? {captions.laws(findings.arrays['errors'])} Left: the volume of a stroke falls with the mean back pressure, on one line for all speeds where E3 holds. Right: the flow that a pascal of "
+                "pulsation stands for, volume times frequency less the flow, over A₁, against the speed; E2's line passes through the operating points of the calibration.",
                 "volume of a stroke over back pressure with E3's line, and flow per pascal of pulsation over frequency with E2's line", panels, columns=2,
             )
         )  # fmt: skip
@@ -95,8 +101,8 @@ def of_left_out(findings: Findings) -> Blocks:
             rows.append(
                 [
                     name,
-                    *(value if math.isfinite(value) else None for value in values),
-                    max((v for v in values if math.isfinite(v)), default=None),
+                    *(round(value, 4) if math.isfinite(value) else None for value in values),
+                    max((round(v, 4) for v in values if math.isfinite(v)), default=None),
                 ]
             )
     by = {str(row[0]): row[-1] for row in rows}
@@ -116,13 +122,26 @@ def of_left_out(findings: Findings) -> Blocks:
     ]  # fmt: skip
 
 
+def _spelt(law: str, written: str) -> str:
+    """Return coefficients, written in SI one after the other, each with its symbol in its unit for reading."""
+    values = [float(text) for text in written.split(",")]
+    return ", ".join(
+        f"{symbol} = {value / size:.3g} {unit}" for value, (symbol, size, unit) in zip(values, _UNITS[law], strict=True)
+    )
+
+
 def of_trap(findings: Findings) -> Blocks:
     """Return what a calibration on unclamped set-points would have claimed, and what it is worth on the clamped ones."""
     table = findings.arrays["trap"]
     if table.empty:
         return []
     rows: list[list[Cell]] = [
-        [_TRAP[row["law"]], float(row["inside"]), float(row["outside"]), str(row["coefficients"])]
+        [
+            _TRAP[row["law"]],
+            round(float(row["inside"]), 4),
+            round(float(row["outside"]), 4),
+            _spelt(str(row["law"]), str(row["coefficients"])),
+        ]
         for row in table.to_dict("records")
     ]
     by = {row["law"]: row for row in table.to_dict("records")}
@@ -137,6 +156,6 @@ def of_trap(findings: Findings) -> Blocks:
         Table(
             "trap", "Laws fitted to unclamped set-points only",
             "Largest relative error on the windows that they were fitted to, and on clamped ones, of the calibration or else of the hold-out.",
-            [Column("law"), Column("unclamped, fitted", "%"), Column("clamped, predicted", "%"), Column("coefficients, SI")], rows,
+            [Column("law"), Column("unclamped, fitted", "%"), Column("clamped, predicted", "%"), Column("coefficients")], rows,
         ),
     ]  # fmt: skip

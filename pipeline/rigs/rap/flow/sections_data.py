@@ -6,8 +6,9 @@ import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Table, Text
+from pipeline.rigs.rap.flow import captions
 from pipeline.rigs.rap.flow.paper import SET_POINTS, UF_RATE, WORST_ERROR
-from pipeline.rigs.rap.flow.sections_errors import Blocks, meter_position, roles
+from pipeline.rigs.rap.flow.sections_errors import Blocks, roles
 from pipeline.rigs.rap.therapy.outcome.paper import set_point_notes
 
 _ML_MIN = 1e-6 / 60.0
@@ -30,7 +31,6 @@ def of_set_points(findings: Findings) -> Blocks:
         Text([
             f"Set-points of these runs: {', '.join(f'{level:g}' for level in levels) or 'not logged'} mL/min"
             + (f", ultrafiltration up to {uf / _ML_MIN:.3g} mL/min." if uf > 0.0 else ", ultrafiltration off or not logged."),
-            meter_position(findings),
             f"The paper's worst error of {100 * WORST_ERROR:.2f} % is {shares} mL/min. A meter on the return line makes {on_return} mL/min by 5 mL/min of "
             "ultrafiltration alone; the paper does not state where its meter sat, so its 9.12 % cannot be interpreted.",
             *notes,
@@ -56,7 +56,7 @@ def of_windows(findings: Findings) -> Blocks:
         blocks.append(
             Figure(
                 "example", "A window of pulsation",
-                "Is the roller's line the one that is fitted? The frequency is that of the least residual near the periodogram's peak; what is left holds the rollers' "
+                f"Is the roller's line the one that is fitted? {captions.fitted(example, fit)} The frequency is that of the least residual near the periodogram's peak; what is left holds the rollers' "
                 "differences, at a third of it. The first 5 s of a window are drawn.",
                 "five seconds of pressure with the harmonic fit at each set-point", panels, columns=len(panels),
             )
@@ -84,7 +84,7 @@ def _course(findings: Findings) -> Figure:
         panels.append(Panel(amplitude, x, Axis("pulsation A₁", "mmHg"), "pulsation"))
     return Figure(
         "plane", "Where the windows lie",
-        "Do the runs exercise what the estimators need? E2 needs pulsations that differ at one frequency, E3 back pressures that differ: clamping the access line gives both.",
+        f"Do the runs exercise what the estimators need? {captions.spans(windows)} E2 needs pulsations that differ at one frequency, E3 back pressures that differ: clamping the access line gives both.",
         "frequency and amplitude of the pulsation over back pressure, every window", panels, columns=2,
     )  # fmt: skip
 

@@ -24,8 +24,10 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.rap.flow import captions
 from pipeline.rigs.rap.flow.paper import WORST_ERROR
 from pipeline.rigs.rap.flow.sets import CALIBRATION, HOLDOUT, called
+from pipeline.rigs.rap.wording import joined
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,7 +52,7 @@ def of_errors(findings: Findings) -> Blocks:
     blocks: Blocks = [Text([meter_position(findings)])]
     if known.empty:
         return blocks
-    return [*blocks, _over_meter(known), *_errors(findings, known), _table(findings), _flows(findings)]
+    return [*blocks, _over_meter(findings, known), *_errors(findings, known), _table(findings), _flows(findings)]
 
 
 def meter_position(findings: Findings) -> str:
@@ -81,7 +83,7 @@ def roles(points: pd.DataFrame) -> dict[str, Role]:
     return {name: i for i, name in enumerate(groups)}
 
 
-def _over_meter(points: pd.DataFrame) -> Figure:
+def _over_meter(findings: Findings, points: pd.DataFrame) -> Figure:
     """Return estimates over the meter, by operating point with the scatter of its windows."""
     panels = []
     low, high = 0.95 * points["flow"].min(), 1.05 * points["flow"].max()
@@ -98,7 +100,7 @@ def _over_meter(points: pd.DataFrame) -> Figure:
             panels.append(Panel(marks, _METER, Axis("estimated flow", "mL/min"), title))
     return Figure(
         "over_meter", "Estimated over metered flow",
-        "Which estimator follows the meter when the access line is narrowed? Each point is one set-point and clamp setting; bars are 95 % of the meter's windows. "
+        f"Which estimator follows the meter when the access line is narrowed? {captions.followed(findings.arrays['errors'], _ESTIMATORS)} Each point is one set-point and clamp setting; bars are 95 % of the meter's windows. "
         "E0 counts strokes only and does not see that a clamp costs volume.",
         "estimated flow over metered flow for E0, E2 and E3, by set", panels, columns=len(panels) or 1,
     )  # fmt: skip
@@ -130,7 +132,8 @@ def _errors(findings: Findings, points: pd.DataFrame) -> Blocks:
     return [
         Figure(
             "errors", "Relative error",
-            "How far off is a window? Points are operating points, bars hold 95 % of their windows. The paper's 9.12 % was found without clamps.",
+            f"How far off is a window? {captions.beyond(windows, WORST_ERROR)} Points are operating points, bars hold 95 % of their windows. The paper's "
+            f"{100 * WORST_ERROR:.2f} % was found without clamps.",
             "relative error of E2 and E3 over metered flow, with lines at plus and minus 9.12 %", panels, columns=2, share_y=True,
         )
     ]  # fmt: skip
@@ -163,7 +166,7 @@ def _table(findings: Findings) -> Table:
             ])  # fmt: skip
     return Table(
         "estimators", "Errors of the estimators",
-        "(estimate - meter)/meter over the windows of each set. Errors on the calibration set say how well a law fits; only the hold-out says how well it predicts. E0, E1, "
+        f"{captions.held_out(errors)} Errors are (estimate - meter)/meter over the windows of each set. Those on the calibration set say how well a law fits; only the hold-out says how well it predicts. E0, E1, "
         "the quadratic term and the affine law stand here for comparison. The paper's test had the access line open.",
         [Column("estimator"), Column("set"), Column("largest", "%"), Column("largest, line open", "%"), Column("rms", "%"), Column("mean", "%"), Column("windows"), Column("limit"), Column("worst in")], rows,
     )  # fmt: skip
@@ -175,19 +178,28 @@ def _flows(findings: Findings) -> Table:
     rows: list[list[Cell]] = []
     for (run, level), both in table.groupby(["run", "flow_set"], sort=False, dropna=False):
         cells: list[Cell] = []
-        told: list[str] = []
+        told: dict[str, list[str]] = {}
         for name in ("E2", "E3"):
             row = both[both["estimator"] == name].iloc[0]
             at = {"flow_set": float(level)} if math.isfinite(level) else {}
             found = next(iter(findings.find("flow", run=str(run), estimator=name, **at)), None)
             known = found is not None and found.value is not None
             cells.append(Value(found.value, found.std_error, found.ci95) if found is not None and known else None)
-            told += [f"{name}: {text.split(':')[0]}" for text in (row["doubt"] or row["why_not"],) if text]
+            for text in filter(None, (row["doubt"] or row["why_not"],)):
+                told.setdefault(text.split(":")[0], []).append(name)
         metered = float(both["metered"].iloc[0])
         flow_set = float(level) if math.isfinite(level) else None
-        rows.append([str(run), flow_set, metered if math.isfinite(metered) else None, *cells, "; ".join(told)])
+        rows.append(
+            [
+                str(run),
+                flow_set,
+                metered if math.isfinite(metered) else None,
+                *cells,
+                "; ".join(f"{joined(who)}: {why}" for why, who in told.items()),
+            ]
+        )
     return Table(
         "flows", "Estimated flow of each set-point",
-        "Mean of all windows of a run at a set-point, with 95 % intervals: clamp settings of a run are together. The meter's mean is beside it.",
+        f"{captions.means_held(findings, table)} Mean of all windows of a run at a set-point, with 95 % intervals: clamp settings of a run are together. The meter's mean is beside it.",
         [Column("run"), Column("set", "mL/min"), Column("meter", "mL/min"), Column("E2", "mL/min"), Column("E3", "mL/min"), Column("remark")], rows,
     )  # fmt: skip
