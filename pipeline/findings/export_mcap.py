@@ -9,7 +9,7 @@ from __future__ import annotations
 import heapq
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 
 from pipeline import __version__
 from pipeline.findings.export_json import as_json
-from pipeline.findings.findings import Findings, Parameter, Run
+from pipeline.findings.findings import Findings, Parameter, Quality, Run
 from pipeline.findings.signals import Signals
 from pipeline.recording import Recording, Stream
 
@@ -152,6 +152,7 @@ def _metadata(run: Run, findings: Findings, unit_of: Callable[[str], str]) -> di
     about = {
         "campaign": findings.campaign, "experiment": findings.experiment, "verdict": findings.verdict, "run": run.run,
         "version": str(findings.provenance.get("rigfit", __version__)), "used": "yes" if run.used else f"no: {run.reason}",
+        "parameters are": "value ± standard error, SI; parameters.json holds all digits and the 95 % intervals",
         **{f"sha256 of {path}": digest for path, digest in zip(run.files, run.sha256, strict=False)},
     }  # fmt: skip
     own = [p for p in findings.parameters if p.at.get("run", run.run) == run.run]
@@ -159,13 +160,25 @@ def _metadata(run: Run, findings: Findings, unit_of: Callable[[str], str]) -> di
         "rigfit": about,
         "conditions": {name: _condition(value, unit_of(name)) for name, value in run.conditions.items()},
         "parameters": {_label(p): _value(p) for p in own},
+        "quality": _numbered(_noticed(q) for q in findings.quality if q.run in (None, run.run)),
+        "verdict": _numbered(findings.reasons),
     }
+
+
+def _numbered(texts: Iterable[str]) -> dict[str, str]:
+    """Give texts keys that keep their order where a viewer sorts them."""
+    return {f"{number:03d}": text for number, text in enumerate(texts, start=1)}
+
+
+def _noticed(q: Quality) -> str:
+    span = f", {q.span[0]:.6g} to {q.span[1]:.6g} s" if q.span else ""
+    return f"{q.level}{f', {q.channel}' if q.channel else ''}{span}: {q.message}"
 
 
 def _condition(value: float | str | bool, unit: str) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
-    return value if isinstance(value, str) else f"{value!r} {'' if unit == '1' else unit}".strip()
+    return value if isinstance(value, str) else f"{value:.12g} {'' if unit == '1' else unit}".strip()
 
 
 def _label(p: Parameter) -> str:
@@ -177,6 +190,9 @@ def _label(p: Parameter) -> str:
 
 def _value(p: Parameter) -> str:
     if p.value is None:
-        return f"not determined: {p.description}"
-    error = f" ± {p.std_error:.3g}" if p.std_error is not None else ""
-    return f"{p.value:.10g}{error} {'' if p.unit == '1' else p.unit}".strip()
+        return p.description if p.description.startswith("not determined") else f"not determined: {p.description}"
+    unit = "" if p.unit == "1" else p.unit
+    if not p.std_error:
+        return f"{p.value:.6g} {unit}".strip()
+    warranted = round(p.value, 1 - math.floor(math.log10(p.std_error)))
+    return f"{warranted:.12g} ± {p.std_error:.2g} {unit}".strip()

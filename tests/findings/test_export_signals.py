@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.findings import Findings, Parameter, Run, storage
+from pipeline.findings import Findings, Parameter, Quality, Run, storage
 from pipeline.findings import export_mcap as mcap_export
 from pipeline.findings.export_json import as_json
 from pipeline.findings.export_matlab import as_mat, matlab_names
@@ -188,9 +188,17 @@ def test_messages_of_all_topics_come_in_time(written: Path) -> None:
     assert times == sorted(times)
 
 
-def test_conditions_and_parameters_are_metadata(written: Path) -> None:
-    _, _, metadata, attachments = read_back(written)
-    assert metadata["conditions"] == {"coil_current": "6.0 A", "test": "loop", "synthetic": "true"}
+def test_conditions_parameters_and_what_was_noticed_are_metadata(tmp_path: Path) -> None:
+    quality = [
+        Quality(level="warning", run="a", channel="force", span=(0.5, 1.0), message="stuck"),
+        Quality(level="note", run="b", message="of another run"),
+    ]
+    found = findings().model_copy(update={"quality": quality})
+    mcap_export.write(tmp_path / "a.mcap", found.runs[0], found, [], unit_of)
+    _, _, metadata, attachments = read_back(tmp_path / "a.mcap")
+    assert metadata["quality"] == {"001": "warning, force, 0.5 to 1 s: stuck"}
+    assert metadata["verdict"] == {"001": "All µ are small."}
+    assert metadata["conditions"] == {"coil_current": "6 A", "test": "loop", "synthetic": "true"}
     assert metadata["parameters"] == {
         "k1 [coil_current=6]": "125000 ± 350 N/m", "eta [run=a]": "0.25", "lag [synchronous=True]": "not determined: too short",
     }  # fmt: skip
