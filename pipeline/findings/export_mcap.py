@@ -194,5 +194,5 @@ def _value(p: Parameter) -> str:
     unit = "" if p.unit == "1" else p.unit
     if not p.std_error:
         return f"{p.value:.6g} {unit}".strip()
-    warranted = round(p.value, 1 - math.floor(math.log10(p.std_error)))
-    return f"{warranted:.12g} ± {p.std_error:.2g} {unit}".strip()
+    value, error = (round(number, 1 - math.floor(math.log10(p.std_error))) for number in (p.value, p.std_error))
+    return f"{value:.12g} ± {error:.12g} {unit}".strip()
