@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import pandas as pd
+import pytest
 
+from pipeline.findings import Parameter
 from pipeline.rigs.rap.flow import captions as flow
 from pipeline.rigs.rap.pressures import captions
-from pipeline.rigs.rap.wording import chance, grouped, plus_minus, signed
+from pipeline.rigs.rap.therapy.outcome import captions as therapy
+from pipeline.rigs.rap.wording import grouped, plus_minus, signed
 
 
-def test_words_have_no_minus_zero_and_no_powers_of_ten() -> None:
+def test_numbers_in_words_have_no_minus_zero() -> None:
     assert [signed(-0.004, 2), signed(-0.006, 2), signed(3.0, 1)] == ["0.00", "-0.01", "+3.0"]
-    assert [chance(2.2e-6), chance(0.00431)] == ["below 0.0001", "0.0043"]
     assert plus_minus(39.704, 0.4651, "ppm") == "39.70 +- 0.47 ppm"
     assert grouped([("a", "within"), ("b", "within")], "every tap") == "within at every tap"
     assert (
@@ -66,3 +68,37 @@ def test_the_better_estimator_of_flow_is_the_one_of_the_hold_out() -> None:
     assert flow.laws(errors.iloc[:0]) == "Neither could be calibrated."
     windows = pd.DataFrame({"E2_error": [0.01, -0.2], "E3_error": [float("nan")] * 2})
     assert flow.beyond(windows, 0.0912) == "Beyond 9.12 % lie 1 of 2 windows of E2."
+
+
+def test_alarms_and_mismatches_are_counted_and_their_absence_said() -> None:
+    table = pd.DataFrame({"run": "r", "verdict": ["match", "missed", "match"]})
+    assert therapy.alarms(table) == "Of 3 alarms 2 were logged in time and 1 was not logged."
+    assert therapy.alarms(table.iloc[:0]) == "No alarm was due and none logged."
+    found = pd.DataFrame({"run": ["r"], "channel": ["uf"], "kind": ["drift"], "size": [4.949], "time": [1406.0]})
+    assert therapy.units(found, "r") == "No: a drift of 4.95 Pa/s at ultrafiltrate, found 1406 s into the log."
+    assert therapy.units(found, "other") == "Yes: no mismatch at any tap."
+
+
+@pytest.mark.parametrize(
+    ("ci95", "said"),
+    [
+        ((18000.0, 19000.0), "Not surely: "),
+        ((18100.0, 19000.0), "Yes: "),
+        ((17000.0, 17900.0), "No: "),
+        (None, "That cannot"),
+    ],
+)
+def test_a_battery_lasts_where_its_whole_interval_does(ci95: tuple[float, float] | None, said: str) -> None:
+    value = None if ci95 is None else sum(ci95) / 2
+    runtime = Parameter(name="runtime_projected", symbol="t", value=value, ci95=ci95, unit="s", description="no power")
+    assert therapy.battery(runtime, 18000.0).startswith(said)
+
+
+def test_innovations_that_are_too_large_are_called_so() -> None:
+    account = pd.DataFrame({"run": ["a", "b", "c"], "nis": [1.02, 1.6, float("nan")]})
+    words = [therapy.innovations(account, run) for run in "abcd"]
+    assert [word.split(":")[0] for word in words[:2]] == [
+        "They are as large as it expects",
+        "They are larger than it expects",
+    ]
+    assert words[2] == words[3] == "Too few levels tell."

@@ -1,4 +1,4 @@
-"""How the answers under figures and tables are worded: lists, signs, chances. Knows no experiment."""
+"""How the answers under figures and tables are worded: lists, signs, intervals. Knows no experiment."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterable, Sequence
 
 from pipeline.findings import Parameter
-
-_SMALL = 1e-4
 
 
 def joined(parts: Sequence[str]) -> str:
@@ -19,11 +17,6 @@ def signed(value: float, digits: int) -> str:
     """Return a number with its sign and so many decimals; what rounds to zero has none."""
     text = f"{value:+.{digits}f}"
     return text if any(digit in "123456789" for digit in text) else text[1:]
-
-
-def chance(p: float) -> str:
-    """Return a chance to four decimals; below that it is only said to be so small."""
-    return f"{p:.4f}" if p >= _SMALL else f"below {_SMALL:.4f}"
 
 
 def grouped(pairs: Iterable[tuple[str, str]], everywhere: str) -> str:

@@ -25,6 +25,8 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.in_words import chance
+from pipeline.rigs.rap.cytotoxicity import captions
 from pipeline.rigs.rap.cytotoxicity.declaration import OUTCOMES
 from pipeline.rigs.rap.cytotoxicity.parameters import signed
 
@@ -53,7 +55,7 @@ def _equivalence(tables: dict[str, pd.DataFrame]) -> list[Figure | Table | Text]
         return blocks
     for run, own in tables["differences"].groupby("run", sort=False):
         name = f", run {run}" if tables["differences"]["run"].nunique() > 1 else ""
-        blocks += [_difference_figure(own, tables["outcomes"], str(run), name), _difference_table(own, name)]
+        blocks += [_difference_figure(own, name), _difference_table(own, name)]
     if bool(tables["outcomes"]["exclusive"].any()):
         blocks.append(
             Text(
@@ -82,7 +84,7 @@ def _verdicts(outcomes: pd.DataFrame) -> Table:
     return Table(
         "verdicts",
         "Verdicts",
-        "Are the cells as well as those of the control? Equivalence needs every time to pass; inconclusive is not the same as similar.",
+        f"Are the cells as well as those of the control? {captions.verdicts(outcomes)} Equivalence needs every time to pass; inconclusive is not the same as similar.",
         [
             *([Column("run")] if several else []),
             Column("outcome"),
@@ -96,8 +98,8 @@ def _verdicts(outcomes: pd.DataFrame) -> Table:
     )
 
 
-def _difference_figure(own: pd.DataFrame, outcomes: pd.DataFrame, run: str, name: str) -> Figure:
-    panels, told = [], []
+def _difference_figure(own: pd.DataFrame, name: str) -> Figure:
+    panels = []
     for outcome in (o for o in OUTCOMES if o in set(own["outcome"])):
         part = own[own["outcome"] == outcome]
         t, margin = part["time"].to_numpy(), float(part["margin"].iloc[0])
@@ -115,12 +117,10 @@ def _difference_figure(own: pd.DataFrame, outcomes: pd.DataFrame, run: str, name
             ),
         ]
         panels.append(Panel(marks, _TIME, Axis("treated less control", "%"), outcome))
-        verdict = outcomes[(outcomes["run"] == run) & (outcomes["outcome"] == outcome)]["verdict"].iloc[0]
-        told.append(f"{outcome}: {verdict}")
     return Figure(
         f"differences{name.replace(', run ', '_')}",
         f"Differences to the control{name}",
-        f"Do all 90 % intervals lie within the margin? {'; '.join(told)}. Differences in percentage points; one interval that crosses the band's edge leaves it open.",
+        f"Do all 90 % intervals lie within the margin? {captions.differences(own)} Differences in percentage points; one interval that crosses the band's edge leaves it open.",
         "difference of treated cells to the control over time with 90 % intervals and the margin of equivalence as a band",
         panels,
         columns=min(len(panels), 3),
@@ -138,7 +138,7 @@ def _difference_table(own: pd.DataFrame, name: str) -> Table:
             Value(float(row["control"])),
             Value(float(row["difference"]), float(row["std_error"])),
             f"{signed(row['low90'])} to {signed(row['high90'])}",
-            f"{row['p']:.2g}",
+            chance(float(row["p"])),
             Status("passes", "ok") if row["passes"] else Status("does not pass", "warning"),
         ]
         for row in own.to_dict("records")
@@ -146,7 +146,7 @@ def _difference_table(own: pd.DataFrame, name: str) -> Table:
     return Table(
         f"difference_table{name.replace(', run ', '_')}",
         f"Differences time by time{name}",
-        "Which times pass? The 90 % interval in percentage points and p, the larger one of the two one-sided tests; the time passes where p is below 0.05.",
+        f"Which times pass? {captions.passing(own)} The 90 % interval in percentage points and p, the larger one of the two one-sided tests; the time passes where p is below 5 %.",
         [
             Column("outcome"),
             Column("time", "min"),
@@ -187,7 +187,7 @@ def _samples(tables: dict[str, pd.DataFrame]) -> list[Figure | Table | Text]:
             Figure(
                 f"samples{name.replace(', run ', '_')}",
                 f"Samples as counted{name}",
-                "How far do cultures scatter, and does one stand alone? Each culture (or mean of cultures) as logged, the control set a little aside.",
+                f"How far do cultures scatter, and does one stand alone? {captions.scatter(tables.get('outcomes'), own, str(run))} Each culture (or mean of cultures) as logged, the control set a little aside.",
                 "share of viable, necrotic and apoptotic cells of each culture over time, treated and control",
                 panels,
                 columns=min(len(panels), 3),
@@ -214,7 +214,7 @@ def _slopes(outcomes: pd.DataFrame) -> Table:
             str(row["outcome"]),
             signed(3600 * row["slope"]),
             f"{signed(3600 * row['slope_low'])} to {signed(3600 * row['slope_high'])}",
-            f"{row['slope_p']:.2g}",
+            chance(row["slope_p"]),
             Status("changes", "warning") if row["slope_p"] < 0.05 else Status("no change seen"),
         ]
         for row in outcomes.to_dict("records")
@@ -222,7 +222,7 @@ def _slopes(outcomes: pd.DataFrame) -> Table:
     return Table(
         "slopes",
         "Change with time",
-        "Does the difference grow while the fluid goes round? Weighted line through the differences, in percentage points an hour; a slope that is not zero warns "
+        f"Does the difference grow while the fluid goes round? {captions.slopes(outcomes)} Weighted line through the differences, in percentage points an hour; a slope that is not zero warns "
         "of longer use even where all times pass.",
         [
             Column("run"),
@@ -251,7 +251,7 @@ def _designs(designs: pd.DataFrame) -> Table:
     return Table(
         "power",
         "Power of the test",
-        "Could this test have shown equivalence at all? Probability that all times pass if there is no difference, with the scatter found.",
+        f"Could this test have shown equivalence at all? {captions.power(designs)} Probability that all times pass if there is no difference, with the scatter found.",
         [
             Column("run"),
             Column("outcome"),

@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Cell, Column, Section, Status, Table, Text
+from pipeline.rigs.rap.therapy.outcome import captions
 from pipeline.rigs.rap.therapy.outcome.frames import of_run, records, runs_of
 from pipeline.rigs.rap.therapy.outcome.paper import set_point_notes
 from pipeline.rigs.rap.therapy.outcome.sections_alarms import of_alarms, of_redundancy
@@ -47,7 +48,7 @@ def _checks(findings: Findings) -> list[Table]:
     return [
         Table(
             "checks", "Verdicts",
-            "Does the device keep what is asked of it? Red: outside its limit beyond doubt; amber: at the limit, or to be looked at.",
+            f"Does the device keep what is asked of it? {captions.met(findings.arrays['checks'])} Red: outside its limit beyond doubt; amber: at the limit, or to be looked at.",
             [Column("Criterion"), Column("Run"), Column("Found"), Column("Asked"), Column("Verdict")], rows,
         )
     ]  # fmt: skip

@@ -24,6 +24,7 @@ from pipeline.findings.figures import (
     Value,
 )
 from pipeline.rigs.rap.conditions import TAP_NAMES
+from pipeline.rigs.rap.therapy.outcome import captions
 from pipeline.rigs.rap.therapy.outcome.frames import of_run, records, runs_of, time_axis
 
 _RATIOS = {"access": "access line", "filter": "filter", "return": "return line", "membrane": "membrane"}
@@ -80,7 +81,7 @@ def _timeline(findings: Findings, run: str) -> Figure:
         panels.append(Panel(marked, axis, Axis("alarm", whole=True), "alarms, by the numbers below"))
     return Figure(
         f"timeline_{run}", f"Run {run}: states and alarms",
-        "Did the device do what it should, and when? States as the log's events and pressures give them beside those the device wrote; alarms "
+        f"Did the device do what it should, and when? {captions.alarms(alarms)} States as the log's events and pressures give them beside those the device wrote; alarms "
         "that were due beside the logged codes" + (f": {legend}." if codes else "."),
         f"states of the device and alarms of run {run} over time, re-derived and logged", panels, share_x=True,
     )  # fmt: skip
@@ -102,7 +103,7 @@ def _ratios(findings: Findings, run: str) -> Figure:
         panels.append(Panel(marks, axis, Axis("over its baseline"), words))
     return Figure(
         f"ratios_{run}", f"Run {run}: resistances over their baselines",
-        f"Which part of the circuit raises an alarm? 1 s means, smallest and largest of each stretch of time; an alarm is due above {high:g} or "
+        f"Which part of the circuit raises an alarm? {captions.ratios(own, _RATIOS, low, high)} 1 s means, smallest and largest of each stretch of time; an alarm is due above {high:g} or "
         f"below {low:g}. Values beyond {_RATIO_MOST:g} are drawn there. A gap: pump off, just started, or no ultrafiltration.",
         f"ratios of access, filter, return and membrane resistance to their baselines over time of run {run}", panels, columns=2, share_x=True,
     )  # fmt: skip
@@ -122,7 +123,7 @@ def _delays(findings: Findings) -> list[Table]:
         blocks.append(
             Table(
                 "alarms", "Alarms: re-derived beside logged",
-                "When the cause was first seen, when the alarm was due, when the device wrote its code. Removed: what the ultrafiltrate pump took "
+                f"{captions.alarms(findings.arrays['alarms'])} When the cause was first seen, when the alarm was due, when the device wrote its code. Removed: what the ultrafiltrate pump took "
                 "from the cause until it stopped or the cause was gone.",
                 [Column("Run"), Column("Alarm"), Column("No."), Column("Cause from", "s"), Column("Due", "s"), Column("Due after", "s"),
                  Column("Logged", "s"), Column("Logged after", "s"), Column("Verdict"), Column("Removed", "mL"), Column("Pump")],
@@ -130,7 +131,7 @@ def _delays(findings: Findings) -> list[Table]:
             )
         )  # fmt: skip
     rates: list[list[Cell]] = [
-        [row["run"], row["hours"], int(row["count"]), _number(row["upper95"])]
+        [row["run"], round(row["hours"], 2), int(row["count"]), _number(row["upper95"], 2)]
         for row in records(findings.arrays["alarm_rates"])
     ]
     if rates:
@@ -168,7 +169,7 @@ def _baselines(findings: Findings) -> list[Table]:
                 _RATIOS[str(row["ratio"])],
                 None if membrane else base,
                 base if membrane else None,
-                _number(row["noise"]),
+                _number(row["noise"], 4),
             ]
         )
     if not rows:
@@ -176,7 +177,7 @@ def _baselines(findings: Findings) -> list[Table]:
     return [
         Table(
             "baselines", "Baselines that the alarms are judged by", "Taken from the first steady minutes of the run; scatter of the ratio's 1 s means beside.",
-            [Column("Run"), Column("Part"), Column("Resistance", "Pa s/m^3"), Column("Kuf", "mL/h/mmHg"), Column("Scatter of the ratio")], rows,
+            [Column("Run"), Column("Part"), Column("Resistance", "Pa s/m^3"), Column("Kuf", "mL/h/mmHg"), Column("Scatter of the ratio", "%")], rows,
         )
     ]  # fmt: skip
 
@@ -209,7 +210,7 @@ def of_redundancy(findings: Findings) -> list[Figure | Table]:
         blocks.append(
             Figure(
                 f"redundancy_{run}", f"Run {run}: control and protective unit",
-                "Do the two units read the same? 1 s means of the difference, the skew between their samples taken out; two-sided cumulative sums "
+                f"Do the two units read the same? {captions.units(findings.arrays['mismatches'], run)} 1 s means of the difference, the skew between their samples taken out; two-sided cumulative sums "
                 f"(drawn up to {10 * limit:g} Pa) find drifts that a threshold misses.",
                 f"difference of the two units' pressures and cumulative sums of run {run} over time", panels, columns=2,
             )
@@ -223,7 +224,7 @@ def _unit_tables(findings: Findings) -> list[Table]:
         [
             row["run"], TAP_NAMES.get(str(row["channel"]), str(row["channel"])),
             Value(row["skew"], row["skew_sd"]) if np.isfinite(row["skew"]) and np.isfinite(row["skew_sd"]) else _number(row["skew"]),
-            _number(row["noise"]), int(row["mismatches"]), int(row["raw"]), _number(row["raw_per_hour"]), int(row["kept"]), _number(row["kept_upper"]),
+            _number(row["noise"], 1), int(row["mismatches"]), int(row["raw"]), _number(row["raw_per_hour"], 2), int(row["kept"]), _number(row["kept_upper"], 2),
         ]
         for row in records(findings.arrays["units"])
     ]  # fmt: skip
@@ -231,7 +232,7 @@ def _unit_tables(findings: Findings) -> list[Table]:
         tables.append(
             Table(
                 "units", "Skew of the two units and false alarms of the threshold",
-                "How much later the protective unit samples, and how often the threshold would be passed outside mismatches: on the raw difference, and "
+                f"{captions.skews(findings.arrays['units'])} How much later the protective unit samples, and how often the threshold would be passed outside mismatches: on the raw difference, and "
                 "with the skew taken out (95 % bound beside). A skew turns the pulsation into a difference.",
                 [Column("Run"), Column("Tap"), Column("Skew", "s"), Column("Noise", "Pa"), Column("Mismatches"), Column("False, raw"),
                  Column("Raw, per hour"), Column("False, skew out"), Column("At most, per hour")],

@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Rule, Table, Value
+from pipeline.rigs.rap.therapy.outcome import captions
 from pipeline.rigs.rap.therapy.outcome.frames import of_run, runs_of, time_axis
 from pipeline.rigs.rap.therapy.outcome.paper import HOUR
 
@@ -43,7 +44,7 @@ def of_battery(findings: Findings) -> list[Figure | Table]:
         blocks.append(
             Figure(
                 f"battery_{run}", f"Run {run}: energy of the battery",
-                f"Does a full battery last {needed / HOUR:g} h? Energy used, carried on at the mean power to the battery's end.",
+                f"Does a full battery last {needed / HOUR:g} h? {captions.battery(runtime, needed)} Energy used, carried on at the mean power to the battery's end.",
                 f"energy used over time with its projection, and electric power, of run {run}", panels, columns=2,
             )
         )  # fmt: skip

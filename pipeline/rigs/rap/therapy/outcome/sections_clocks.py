@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Status, Table, Value
+from pipeline.rigs.rap.therapy.outcome import captions
 from pipeline.rigs.rap.therapy.outcome.frames import of_run, records, runs_of, time_axis
 
 _PPM = 1e-6
@@ -29,7 +30,7 @@ def of_clocks(findings: Findings) -> list[Figure | Table]:
         blocks.append(
             Figure(
                 "lags", "Lag of the device's clock",
-                "Do the clocks run alike? What the bench's clock shows more than the device's, window by window, and the line of its drift.",
+                f"Do the clocks run alike? {captions.clocks(findings.arrays['clocks'])} What the bench's clock shows more than the device's, window by window, and the line of its drift.",
                 "lag between the clocks of device and bench over time with a straight line, one panel a run", panels, columns=2,
             )
         )  # fmt: skip

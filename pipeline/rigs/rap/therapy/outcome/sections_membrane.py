@@ -8,11 +8,10 @@ import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Band, Cell, Column, Figure, Line, Mark, Panel, Points, Table, Text
+from pipeline.rigs.in_words import chance
+from pipeline.rigs.rap.therapy.outcome import captions
 from pipeline.rigs.rap.therapy.outcome.frames import of_run, records, runs_of, time_axis
 from pipeline.rigs.rap.therapy.outcome.sections_volume import value_of
-
-# Chances below that are not told apart.
-_SMALL = 1e-3
 
 
 def of_membrane(findings: Findings) -> list[Figure | Table | Text]:
@@ -45,7 +44,7 @@ def _told(row: dict[str, Any] | None, name: str) -> Cell:
     if not np.isfinite(value):
         return None
     if name == "p":
-        return f"{value:.3f}" if value >= _SMALL else f"below {_SMALL:g}"
+        return chance(value)
     return f"{value:.2g}" if name == "naive_sd" else f"{value:.1f}"
 
 
@@ -81,7 +80,7 @@ def _course(findings: Findings, run: str) -> Figure:
         panels.append(Panel([Line(time, air, 1)], axis, Axis("air in the housing", "degC"), "temperature"))
     return Figure(
         f"membrane_{run}", f"Run {run}: membrane",
-        "Does the membrane clog? Transmembrane pressure from zeroed means, rate of the ultrafiltrate over it, and the air's temperature, which "
+        f"Does the membrane clog? {captions.membrane(findings, run)} Transmembrane pressure from zeroed means, rate of the ultrafiltrate over it, and the air's temperature, which "
         "moves viscosity by some 2 % a kelvin.",
         f"transmembrane pressure, membrane coefficient with its fit and air temperature of run {run} over time", panels, columns=len(panels), share_x=True,
     )  # fmt: skip

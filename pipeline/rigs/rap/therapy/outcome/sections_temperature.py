@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Rule, Table, Value
+from pipeline.rigs.rap.therapy.outcome import captions
 from pipeline.rigs.rap.therapy.outcome.frames import of_run, runs_of, time_axis
 
 if TYPE_CHECKING:
@@ -25,22 +26,36 @@ def of_temperature(findings: Findings) -> list[Figure | Table]:
     runs = runs_of(table)
     courses = [_course(run, of_run(table, run)) for run in runs]
     error = [_error(run, of_run(errors, run), of_run(table, run), tolerance) for run in runs_of(errors)]
-    asked = "How does the housing warm up"
+    asked, warmed = "How does the housing warm up", captions.warming(findings, runs)
     said = (
-        f"How far off is the device's sensor? The paper allows {100 * tolerance:g} % of the bench's degrees Celsius, drawn in kelvin, for "
+        f"How far off is the device's sensor? {captions.temperature_errors(findings, runs)} The paper allows {100 * tolerance:g} % of the bench's degrees Celsius, drawn in kelvin, for "
         "degrees Celsius are no ratio scale."
     )
     blocks: list[Figure | Table] = []
     if len(runs) == 1:
         alt = "temperature of the housing's air over time, device and bench, with fitted exponentials, and the device's error"
         blocks.append(
-            Figure("temperature", "Temperature of the housing", f"{asked}? {said}", alt, [*courses, *error], columns=2)
+            Figure(
+                "temperature",
+                "Temperature of the housing",
+                f"{asked}? {warmed} {said}",
+                alt,
+                [*courses, *error],
+                columns=2,
+            )
         )
     elif runs:
         columns = min(len(runs), _SIDE_BY_SIDE)
         alt = "temperature of the housing's air over time, device and bench, with fitted exponentials, one panel a run"
         blocks.append(
-            Figure("temperature", "Temperature of the housing", f"{asked} in each run?", alt, courses, columns=columns)
+            Figure(
+                "temperature",
+                "Temperature of the housing",
+                f"{asked} in each run? {warmed}",
+                alt,
+                courses,
+                columns=columns,
+            )
         )
         if error:
             alt = "device's temperature less the bench's over time with what is allowed, one panel a run"

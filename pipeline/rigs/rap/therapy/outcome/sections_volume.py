@@ -22,6 +22,7 @@ from pipeline.findings.figures import (
     Table,
     Value,
 )
+from pipeline.rigs.rap.therapy.outcome import captions
 from pipeline.rigs.rap.therapy.outcome.frames import of_run, records, runs_of, time_axis
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ def _course(findings: Findings, run: str) -> Figure:
         panels.append(_error(error, axis))
     return Figure(
         f"volume_{run}", f"Run {run}: ultrafiltrate",
-        "Does the estimate from level and pump follow the scale? Shaded: stretches without a usable level (blind bottom, lost echo, tilt), "
+        f"Does the estimate from level and pump follow the scale? {captions.volume(findings, run)} Shaded: stretches without a usable level (blind bottom, lost echo, tilt), "
         "where the volume is dead reckoning from the pump's command, before the first level filled in backwards. The error is the estimate less the scale, with ± 2 sd.",
         f"set, estimated and weighed volume of run {run} over time and their difference", panels, columns=2, share_x=True,
     )  # fmt: skip
@@ -120,7 +121,7 @@ def _filter(findings: Findings, run: str) -> Figure:
                          Rule(y=1.0)]  # fmt: skip
     return Figure(
         f"filter_{run}", f"Run {run}: what the filter does",
-        "Are the innovations (level less predicted level) as large as the filter expects? Smallest and largest of each stretch of time. "
+        f"Are the innovations (level less predicted level) as large as the filter expects? {captions.innovations(findings.arrays['account'], run)} Smallest and largest of each stretch of time. "
         "Right: delivered over commanded ultrafiltration.",
         f"innovations of the tank filter with three standard deviations and the pump's gain of run {run} over time",
         [Panel(marks, axis, Axis("level", "m"), "innovations"), Panel(gains, axis, Axis("pump gain"), "pump gain")], columns=2,
@@ -134,9 +135,7 @@ def _numbers(findings: Findings) -> list[Table]:
                  for name in ("uf_volume_final", "uf_pump_gain", "uf_volume_error_rms")]  # fmt: skip
         more = next(iter(records(of_run(findings.arrays["account"], run))), None)
         if any(found) and more is not None:
-            rows.append(
-                [run, *map(value_of, found), *(more[name] if np.isfinite(more[name]) else None for name in _ACCOUNT)]
-            )
+            rows.append([run, *map(value_of, found), *(_rounded(more[name], step) for name, step in _ACCOUNT.items())])
     if not rows:
         return []
     return [
@@ -153,7 +152,20 @@ def _numbers(findings: Findings) -> list[Table]:
     ]  # fmt: skip
 
 
-_ACCOUNT = ("removed", "final_error", "final_share", "rate_ratio", "closed_loop", "open_loop", "nis")
+# What the account tells, and to how many decimals in SI.
+_ACCOUNT = {
+    "removed": 6,
+    "final_error": 8,
+    "final_share": 4,
+    "rate_ratio": 4,
+    "closed_loop": 4,
+    "open_loop": 4,
+    "nis": 2,
+}
+
+
+def _rounded(value: float, decimals: int) -> float | None:
+    return round(float(value), decimals) + 0.0 if np.isfinite(value) else None
 
 
 def value_of(found: Parameter | None) -> Cell:
