@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.errors import listing
 from pipeline.recording import Recording
+from pipeline.rigs.in_words import chance
 from pipeline.rigs.mre.rich.fits import DASHPOT_SURE, RichFit
 from pipeline.rigs.mre.rich.noise import white
 from pipeline.rigs.mre.rich.online_verdict import CONVERGED
@@ -209,7 +210,7 @@ def _residual(runs: SortedRuns, fit: RichFit) -> str:
         part = seen[how]
         return (
             f"Of the {fit.batch.rms_residual:.3g} N that the model leaves of run {fit.run}, {part.rms:.2g} N (rms; {100 * part.rms / force:.2g} % of "
-            f"the force) {how}, as noise of no colour does (p {part.p_value:.1g}): something in the record is not in the model. "
+            f"the force) {how}, as noise of no colour does (by chance: {chance(part.p_value)}): something in the record is not in the model. "
             "Intervals do not allow for what it shifts."
         )
     if noise > _LARGE_NOISE * force:

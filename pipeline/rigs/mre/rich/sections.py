@@ -23,6 +23,7 @@ from pipeline.findings.figures import (
     Table,
     Value,
 )
+from pipeline.rigs.in_words import chance
 from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
 from pipeline.rigs.mre.rich.sections_online import of_online
 from pipeline.rigs.mre.shear.sections_field import level_text
@@ -219,8 +220,7 @@ def _agreement(findings: Findings) -> list[Table]:
             "agreement",
             "What is said not to depend on the current",
             "The paper takes these for common to all currents. Each record was fitted on its own; common value by their covariances, and how "
-            f"far each record lies off it. chi2 of the differences {first['chi2']:.3g} for {int(first['dof'])} degrees of freedom, p "
-            f"{_probability(float(first['p_value']))}: "
+            f"far each record lies off it. The chance of differences as large is {chance(float(first['p_value']))}: "
             + (
                 "the records agree, as the paper assumes."
                 if agrees
@@ -290,18 +290,14 @@ def _checks(findings: Findings) -> list[Table]:
     table = findings.arrays.get("residual_checks")
     if table is None:
         return []
-    rows = [[r["of"], r["name"], _probability(r["p_value"]), r["verdict"]] for r in table.to_dict("records")]
+    rows = [[r["of"], r["name"], chance(r["p_value"]), r["verdict"]] for r in table.to_dict("records")]
     return [
         Table(
             "residual_checks",
             "Tests of what is left",
-            "p below 0.01 says that something is left besides white noise, the last column how much: the low-pass against aliasing ties neighbours "
+            "A chance below 1 % says that something is left besides white noise, the last column how much: the low-pass against aliasing ties neighbours "
             "together, and so do the displacement's noise and hum. Intervals of the batch fit allow for the colour; those of the filter do not.",
-            [Column("of"), Column("test"), Column("p"), Column("result")],
+            [Column("of"), Column("test"), Column("chance"), Column("result")],
             rows,
         )
     ]
-
-
-def _probability(p: float) -> str:
-    return "" if np.isnan(p) else "< 0.0001" if p < 1e-4 else f"{p:.2g}"

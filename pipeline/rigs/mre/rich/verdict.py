@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.errors import listing
+from pipeline.rigs.in_words import chance
 from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.mre.rich.agreement import say_gain
 from pipeline.rigs.mre.rich.comparison import Comparison, symbol
@@ -41,8 +42,8 @@ def judge(runs: SortedRuns, fits: Sequence[RichFit], doubts: Sequence[str], agre
         said.warn(gain)
     elif agreement is not None and not agreement.agrees:
         said.reasons.append(
-            f"{listing(map(symbol, agreement.apart), 6)} differ between the currents beyond chance (chi2 {agreement.chi2:.3g} for "
-            f"{agreement.dof}, p {agreement.p_value:.2g}): the field changes more than k_MR and s_MR. Each record's own numbers hold."
+            f"{listing(map(symbol, agreement.apart), 6)} differ between the currents beyond chance (differences "
+            f"as large by chance: {chance(agreement.p_value)}): the field changes more than k_MR and s_MR. Each record's own numbers hold."
         )
     said.advice = list(dict.fromkeys(said.advice))
     return said

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.errors import counted, listing
+from pipeline.rigs.in_words import times_noise
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions, identify_loops
 from pipeline.rigs.mre.model.loop import N_F, Loop, curve, half_range
@@ -82,8 +83,8 @@ def mains_instead(fit: DynamicFit, loops: Sequence[Loop], options: FitOptions, m
             runs.say(
                 "warning",
                 None,
-                f"the misfit lies on multiples of {other:g} Hz, without which chi2 per degree of freedom falls from "
-                f"{fit.chi2 / max(fit.dof, 1):.3g} to {without.selected.chi2 / max(without.selected.dof, 1):.3g}: mains hum? "
+                f"the misfit lies on multiples of {other:g} Hz, without which it falls from {times_noise(fit.chi2 / max(fit.dof, 1))} to "
+                f"{times_noise(without.selected.chi2 / max(without.selected.dof, 1))}: mains hum? "
                 f"Set 'mains_frequency: {other:g}' in the recipe.",
                 "force",
             )

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
+from pipeline.rigs.in_words import times_noise
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.harmonic_fit import FitOptions, Identification, identify_loops
 from pipeline.rigs.mre.model.loop import Loop
@@ -240,8 +241,8 @@ def _reason(loop: Loop, fit: DynamicFit, before: DynamicFit, together: int) -> s
     without = "without it" if together == 1 else f"without these {together} runs"
     if before.rejected:
         gained = (
-            f"{without} chi2 per degree of freedom of the other runs falls from {before.chi2 / max(before.dof, 1):.3g} "
-            f"to {fit.chi2 / max(fit.dof, 1):.3g}"
+            f"{without} the misfit of the other runs falls from {times_noise(before.chi2 / max(before.dof, 1))} "
+            f"to {times_noise(fit.chi2 / max(fit.dof, 1))}"
         )
     else:
         gained = (

@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Column, Figure, Mark, Matrix, Panel, Points, Rule, Table
+from pipeline.rigs.in_words import chance
 from pipeline.rigs.mre.shear.sections_many import is_many, residual_quantiles
 
 METRICS = {
@@ -66,21 +67,17 @@ def _checks(findings: Findings) -> list[Table]:
     table = findings.arrays.get("residual_checks")
     if table is None:
         return []
-    rows = [[row["of"], row["name"], _probability(row["p_value"]), row["verdict"]] for row in table.to_dict("records")]
+    rows = [[row["of"], row["name"], chance(row["p_value"]), row["verdict"]] for row in table.to_dict("records")]
     return [
         Table(
             "residual_checks",
             "Tests of the residual",
-            "Is the residual only noise? p below 0.01 says that something is left besides noise, the last column "
+            "Is the residual only noise? A chance below 1 % says that something is left besides noise, the last column "
             "how much.",
-            [Column("residual of"), Column("test"), Column("p"), Column("result")],
+            [Column("residual of"), Column("test"), Column("chance"), Column("result")],
             rows,
         )
     ]
-
-
-def _probability(p: float) -> str | None:
-    return None if np.isnan(p) else "< 0.0001" if p < 1e-4 else f"{p:.2g}"
 
 
 def _sequence(findings: Findings) -> list[Figure]:

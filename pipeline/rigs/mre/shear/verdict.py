@@ -15,6 +15,7 @@ import math
 import re
 
 from pipeline.errors import counted, listing
+from pipeline.rigs.in_words import times_noise
 from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.mre.model.dynamic_fit import DynamicFit
 from pipeline.rigs.mre.model.time_fit import TimeFit
@@ -104,7 +105,7 @@ def _loops(said: Judgement, fit: DynamicFit) -> None:
     ratio = fit.chi2 / max(fit.dof, 1)
     if fit.rejected:
         said.reject(
-            f"The dynamic model does not describe the data: chi2 per degree of freedom {ratio:.3g} by plain least squares, "
+            f"The dynamic model does not describe the data: by plain least squares it misses by {times_noise(ratio)}, "
             f"which no admissible gain error from run to run explains; rms misfit {100 * fit.nrmse:.2g} % of the force. The "
             "loop metrics of each run do not depend on it."
         )

@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.findings import Parameter
+from pipeline.rigs.in_words import times_noise
 from pipeline.rigs.tire.bench.bench_run import BenchRun
 from pipeline.rigs.tire.bench.campaign import Campaign
 from pipeline.rigs.tire.bench.declaration import PARAMETERS
@@ -276,7 +277,7 @@ def lawless(found: Campaign) -> str:
     if film.verdict == "good" and not found.mirrored:
         return ""
     return (
-        f"the PVDF's ratio to the flex sensor departs from its law by more than noise (chi2_red {film.chi2_reduced:.3g}): sensor_length_pvdf or "
+        f"the PVDF's ratio to the flex sensor departs from its law ({times_noise(film.chi2_reduced)}): sensor_length_pvdf or "
         "sensor_length_flex are not as stated, a bond yields, or the log runs backward. Measure both lengths"
     )
 

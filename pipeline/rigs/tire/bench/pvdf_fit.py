@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.estimation.estimate import Estimate, estimate, undetermined
 from pipeline.estimation.separable import covariance_of
+from pipeline.rigs.in_words import times_noise
 from pipeline.rigs.tire.bench.order_noise import noise_of_orders
 from pipeline.rigs.tire.bench.run_scatter import likely_scatter
 from pipeline.rigs.tire.ring.pvdf import film_over_flex
@@ -386,7 +387,7 @@ def _said(verdict: str, worst: float, reduced: float, scatter: float) -> str:
         "bad": f"The flex sensor misses the film by {worst:.0%} of its rms: a bond or a channel is suspect.",
     }[verdict]
     if reduced > _POOR:
-        said += f" The ratio departs from its law by more than noise (chi2_red {reduced:.3g}); intervals are widened."
+        said += f" The ratio departs from its law ({times_noise(reduced)}); intervals are widened."
     if scatter > 0.0:
         said += (
             f" The ratio of the two differs by {scatter:.2%} from run to run, more than noise; the intervals hold that."

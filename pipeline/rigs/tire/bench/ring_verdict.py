@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from pipeline.rigs.in_words import times_noise
 from pipeline.rigs.tire.bench.ring_result import RingFit
 
 Level = Literal["ok", "doubt", "rejected"]
@@ -72,7 +73,7 @@ def judged(fit: RingFit) -> RingVerdict:
     elif chi2 > _LARGEST or band > _DOUBTFUL_BAND or fit.scatter.size > _TOLD_SCATTER or not fit.converged:
         level = "doubt"
     misfit = _misfit(fit)
-    size = f"chi2_red {chi2:.3g}, {band:.3g} in the orders that the sensor feels"
+    size = f"rms residual {times_noise(chi2)}, {times_noise(band)} in the orders that the sensor feels"
     if level == "ok":
         said = f"The ring model fits: what it leaves is as large as the scatter of the averages ({size})."
     elif level == "rejected" and fit.scatter.size > _MOST_SCATTER:

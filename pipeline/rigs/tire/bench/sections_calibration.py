@@ -23,6 +23,7 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.in_words import chance
 from pipeline.rigs.tire.bench.paper import G0, SENSITIVITY
 from pipeline.rigs.tire.bench.sections_waveform import Blocks
 
@@ -182,7 +183,7 @@ def _rolls(findings: Findings) -> str:
     said = "An inextensible belt without slip rolls on its own radius R and not on the free radius; R of the ring fit is this Re."
     if np.isfinite(fit["intercept"]):
         said += (
-            f" A free intercept would be {1e3 * fit['intercept']:+.2f} ± {1.96e3 * fit['intercept_sd']:.2g} mm/s (95 %; test against none: "
-            f"p = {fit['intercept_p']:.2g})."
+            f" A free intercept would be {1e3 * fit['intercept']:+.2f} ± {1.96e3 * fit['intercept_sd']:.2g} mm/s (95 %; as far off by chance: "
+            f"{chance(float(fit['intercept_p']))})."
         )
     return said

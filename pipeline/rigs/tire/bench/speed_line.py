@@ -14,6 +14,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.estimation.estimate import Estimate, estimate
 from pipeline.estimation.uncertainty import effective_size
+from pipeline.rigs.in_words import chance
 
 # Crystals of transmitter and bench log: within 20 ppm each, anywhere as likely.
 CLOCKS_U = 20e-6 * math.sqrt(2.0 / 3.0)
@@ -281,7 +282,7 @@ def _said(
     limits = f"{1e3 * level:.2f} +- {1.96e3 * se:.2f} mm/s"
     if p < _SIGNIFICANT:
         return (
-            f"{said}, but the line misses the origin by {limits} (p = {p:.2g}): look for an offset of the speed channel, "
+            f"{said}, but the line misses the origin by {limits} (as much by chance: {chance(p)}): look for an offset of the speed channel, "
             "or slip that depends on speed."
         )
     return f"{said}; the line passes through the origin (intercept {limits})."

@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.errors import counted
 from pipeline.recording import QualityFinding
+from pipeline.rigs.in_words import times_noise
 from pipeline.rigs.tire.road.gain_off import WITHHELD
 from pipeline.rigs.tire.road.revolution_fit import OTHER_GAIN, REASONS
 from pipeline.rigs.tire.road.run_numbers import REVERSED, RunNumbers
@@ -163,7 +164,7 @@ def _misfit(run: RunNumbers) -> Iterator[QualityFinding]:
     misfit = float(np.nanmedian(run.forces.misfit)) if np.isfinite(run.forces.misfit).any() else math.nan
     fits = fits[np.isin(run.forces.reason, _OF_THE_SHAPE)]
     if misfit > _MISFIT or (fits.size and fits.mean() < 0.5):
-        told = f"chi2 over its degrees of freedom {misfit:.1f}" if math.isfinite(misfit) else "no revolution fits"
+        told = f"they miss by {times_noise(misfit)}" if math.isfinite(misfit) else "no revolution fits"
         yield _warning(
             run,
             f"the waveforms are not those of the bench's ring ({told}, {100 * fits.mean():.0f} % of the revolutions fit): another "

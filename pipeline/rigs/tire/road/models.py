@@ -34,7 +34,7 @@ def models_of(runs: Sequence[RunNumbers]) -> list[ModelResult]:
             chi2_reduced=median,
             rms_residual=max(left) if left else None,
             unit="V",
-            description="load, longitudinal force, angle and resistance of each revolution; chi2 over its degrees of freedom "
+            description="load, longitudinal force, angle and resistance of each revolution; reduced chi-squared "
             "under the drive's own noise, median over the revolutions",
         )
     ]

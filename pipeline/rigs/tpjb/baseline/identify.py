@@ -14,6 +14,7 @@ from pipeline.estimation.uncertainty import t_quantile
 from pipeline.findings import Findings, ModelResult, Parameter, Quality, Run
 from pipeline.recording import QualityFinding, Recording
 from pipeline.rigs.experiment import Context
+from pipeline.rigs.in_words import times_noise
 from pipeline.rigs.tpjb.baseline.declaration import PARAMETERS, BaselineSettings
 from pipeline.rigs.tpjb.baseline.mass_and_spring import MassAndSpring, Ratios, fit, ratio
 from pipeline.rigs.tpjb.dynamic import excitation
@@ -180,8 +181,8 @@ def _judge(found: MassAndSpring, ratios: Ratios, recordings: Sequence[Recording]
         return f"the mass comes out as {found.mass:.4g} kg: sign of the force or of the acceleration inverted?"
     if found.dof > 0 and found.chi2 > found.limit:
         text = (
-            f"force over acceleration does not follow m - k/w^2 (chi-square {found.chi2:.3g} with {found.dof} degrees of "
-            f"freedom); errors are widened {found.widening:.2g} times. Is there contact in the bearing, or a bench resonance?"
+            f"force over acceleration does not follow m - k/w^2 (it misses by {times_noise(found.chi2 / found.dof)}); "
+            f"errors are widened {found.widening:.2g} times. Is there contact in the bearing, or a bench resonance?"
         )
         quality.append(QualityFinding("warning", text))
     means = [np.mean(ratios.value.real[np.array(ratios.axis) == axis]) for axis in "uv" if axis in ratios.axis]

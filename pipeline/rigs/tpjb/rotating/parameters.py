@@ -9,6 +9,7 @@ from pipeline.estimation.estimate import Estimate, estimate
 from pipeline.estimation.selection import Candidate
 from pipeline.findings import ModelResult, Parameter
 from pipeline.findings.findings import OperatingPoint
+from pipeline.rigs.in_words import times_noise
 from pipeline.rigs.tpjb.gains import gains_of, with_type_b
 from pipeline.rigs.tpjb.rotating.declaration import PARAMETERS
 from pipeline.rigs.tpjb.rotating.group import LoadGroup
@@ -123,7 +124,7 @@ def _no_law(group: LoadGroup) -> str:
     if group.apart:
         return group.apart
     return (
-        f"no quadratic law holds (chi2 per degree of freedom {group.selected.chi2_reduced:.3g}): a coefficient would depend "
+        f"no quadratic law holds (the best misses by {times_noise(group.selected.chi2_reduced)}): a coefficient would depend "
         "on the load ratio"
     )
 

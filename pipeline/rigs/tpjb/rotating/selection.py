@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.estimation.selection import Candidate, Ranked, leave_one_group_out, rank
+from pipeline.rigs.in_words import times_noise
 from pipeline.rigs.tpjb.rotating.law import SCALE
 from pipeline.rigs.tpjb.rotating.model_fit import ModelFit, fit_model
 from pipeline.rigs.tpjb.rotating.models import MODELS, Model
@@ -185,8 +185,8 @@ def _statements(
         )
     if not passes:
         spoken.append(
-            f"no model passes: {selected.name}, the best, leaves {math.sqrt(selected.chi2_reduced):.1f} times the noise "
-            f"(chi2/dof {selected.chi2_reduced:.3g}). A quadratic law is not enough for these orbits; lower the load ratio."
+            f"no model passes: {selected.name}, the best, leaves {times_noise(selected.chi2_reduced)}. "
+            "A quadratic law is not enough for these orbits; lower the load ratio."
         )
     return tuple(spoken)
 

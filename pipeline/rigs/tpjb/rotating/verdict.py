@@ -8,13 +8,13 @@ ok        none of these.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from pipeline.errors import listing
 from pipeline.recording import QualityFinding
+from pipeline.rigs.in_words import times_noise
 from pipeline.rigs.judgement import Judgement
 from pipeline.rigs.tpjb.rotating.consistency import Consistency
 from pipeline.rigs.tpjb.rotating.declaration import RotatingSettings
@@ -124,8 +124,8 @@ def _doubts(said: Judgement, group: LoadGroup, quality: Sequence[QualityFinding]
         lower = f" The coefficients come from the ratios up to {_highest(group.lower)}." if group.lower else ""
         said.warn(
             f"{group.label}: a quadratic law is not enough up to {_highest(group)}: {fit.name}, the best, leaves "
-            f"{1e6 * fit.rms:.2g} um rms, {math.sqrt(fit.chi2_reduced):.2g} times the noise (chi2 per degree of freedom "
-            f"{fit.chi2_reduced:.3g}): {'what friction leaves over (see below), or ' if rubs else ''}cubic content.{_past_fold(group)}{lower}"
+            f"{1e6 * fit.rms:.2g} um rms, {times_noise(fit.chi2_reduced)}: "
+            f"{'what friction leaves over (see below), or ' if rubs else ''}cubic content.{_past_fold(group)}{lower}"
         )
         if group.lower is None:
             said.advise("Lower the load ratio until a quadratic law fits, then add ratios upwards.")
