@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.rigs.tire.bench.calibration import PeakPoint, calibrate
+from pipeline.rigs.tire.bench.calibration import calibrate
 from pipeline.rigs.tire.bench.calibration_curve import fitted
+from pipeline.rigs.tire.bench.calibration_points import PeakPoint
 
 C0, C1, C2 = -150.0, 4.05, -2.4e-4
 FIVE = (1000.0, 1500.0, 2000.0, 2500.0, 3000.0)

@@ -13,7 +13,9 @@ from pipeline.errors import listing
 from pipeline.estimation.estimate import undetermined
 from pipeline.recording import QualityFinding
 from pipeline.rigs.tire.bench.bench_run import BenchRun
-from pipeline.rigs.tire.bench.calibration import PeakPoint, Repeat, calibrate
+from pipeline.rigs.tire.bench.calibration import calibrate
+from pipeline.rigs.tire.bench.calibration_points import PeakPoint
+from pipeline.rigs.tire.bench.calibration_scatter import Repeat
 from pipeline.rigs.tire.bench.campaign import Campaign
 from pipeline.rigs.tire.bench.reference import LOAD
 from pipeline.rigs.tire.bench.same_tire import at_usual_pressure
