@@ -172,7 +172,7 @@ def runs_tables(runs: Sequence[Run], experiment: Experiment) -> tuple[list[Table
     for name in names:
         values = {run.conditions.get(name) for run in runs}
         if values - {None}:
-            (same if len(values) == 1 and len(runs) > 1 else differ).append(name)
+            (same if len(values) == 1 else differ).append(name)
     columns = [Column("Run"), Column("Used"), Column("Duration", "s"), Column("Samples", "1")]
     columns += [Column(clean(name).replace("_", " "), unit_of_condition(experiment, name)) for name in differ]
     reasons = any(run.reason for run in runs)
@@ -186,7 +186,8 @@ def runs_tables(runs: Sequence[Run], experiment: Experiment) -> tuple[list[Table
         for run in ordered
     ]  # fmt: skip
     constant = "; ".join(_condition(runs[0], name, experiment) for name in same)
-    sentence = f"The same in all runs: {constant.rstrip('.')}." if constant else ""
+    of = "The same in all runs" if len(runs) > 1 else "Conditions of the run"
+    sentence = f"{of}: {constant.rstrip('.')}." if constant else ""
     table = Table("runs", "Runs", "", columns, rows)
     if len(runs) <= MOST_ROWS:
         return [table_view(table)], sentence

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any, ClassVar
 
@@ -29,6 +29,7 @@ from pipeline.report.citation import bibtex, citation
 from pipeline.report.equations import Equations, equations
 from pipeline.report.figure import FigureView, figure_view
 from pipeline.report.gathered import MOST_TOLD, told
+from pipeline.report.naming import Naming
 from pipeline.report.parameters import key_table, parameter_tables
 from pipeline.report.repeating import check, steps, versions
 from pipeline.report.table import TableView, table_view
@@ -93,7 +94,7 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
     command
         What the user typed, for whoever repeats it.
     """
-    numbers = Numbers()
+    numbers = Numbers(Naming(experiment.parameters))
     made = [
         Chapter("key", "The numbers that matter", list(numbers.given(_key(findings, experiment)))),
         Chapter("advice", "What to do next", list(numbers.given(_next(findings, experiment)))),
@@ -125,18 +126,20 @@ def _some(*tables: TableView | None) -> list[Block | Figure]:
 
 
 class Numbers:
-    """Numbers figures and tables through the page."""
+    """Numbers figures and tables through the page, and sets names of parameters in them as symbols."""
 
-    def __init__(self) -> None:
-        self.figures, self.tables = count(1), count(1)
+    def __init__(self, naming: Naming) -> None:
+        self.figures, self.tables, self.naming = count(1), count(1), naming
 
     def given(self, blocks: Iterable[Block | Figure]) -> Iterator[Block]:
         """Yield the blocks with their numbers; figures are drawn."""
         for block in blocks:
             if isinstance(block, Figure):
-                yield figure_view(block, next(self.figures))
+                yield self.naming.view(figure_view(block, next(self.figures)))
             elif isinstance(block, TableView):
-                yield block.numbered(next(self.tables))
+                yield self.naming.view(block.numbered(next(self.tables)))
+            elif isinstance(block, Paragraphs | Listed):
+                yield replace(block, texts=[self.naming.text(text) for text in block.texts])
             else:
                 yield block
 

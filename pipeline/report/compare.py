@@ -13,6 +13,7 @@ from pipeline.findings.figures import Cell, Column, Figure, Mood, Status, Table
 from pipeline.report.chapters import Chapter, Code, Listed, Numbers, Paragraphs
 from pipeline.report.compare_numbers import Compared, came_and_went, moved, moved_most, place_in_words, sides, signed
 from pipeline.report.figure import FigureView
+from pipeline.report.naming import Naming
 from pipeline.report.page import VERDICTS, page
 from pipeline.report.table import NOTHING, TableView, table_view
 from pipeline.report.words import clean
@@ -42,7 +43,7 @@ def render_comparison(
     command
         What was typed, for whoever repeats it.
     """
-    numbers = Numbers()
+    numbers = Numbers(Naming(spec for one in compared for spec in one.experiment.parameters))
     single = len(compared) == 1 and not alone
     made: list[tuple[str, str, list[Block | Figure]]] = []
     if not single:

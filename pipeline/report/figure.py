@@ -26,9 +26,10 @@ from pipeline.report.zoom import Signal, signals
 
 _MOST_COLUMNS = 4
 _MOST_PANELS = 60  # of one figure; more are the experiment's to sum up
-# A sheet's width and what key, heading and caption leave of its height; panels stand in at most three columns there.
-_SHEET_WIDTH, _SHEET_HEIGHT, _SHEET_COLUMNS = 700.0, 830.0, 3
-_LEAST_SHARE = 0.7  # of the sheet's width; a figure that must be smaller to stay whole breaks between its rows
+# A sheet's width, and the height that a figure may take of it: white space before figures that stay whole grows with them.
+_SHEET_WIDTH, _SHEET_HEIGHT = 700.0, 400.0
+_LEAST_FONT = 8.2  # px on paper; a figure is made smaller only down to it
+_MOST_WHOLE = 450.0  # px; a higher figure of three rows and more breaks between them
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ _SHAPES = {
     1: (_WIDE, _NARROW),
     2: (Shape("both", 440, 290, 430, 12.5),),
     3: (Shape("both", 350, 265, 345, 12.5),),
-    4: (Shape("both", 300, 240, 300, 12.5),),
+    4: (Shape("both", 260, 215, 260, 12.5),),
 }
 
 
@@ -84,12 +85,13 @@ def figure_view(figure: Figure, number: int) -> FigureView:
     columns = max(1, min(figure.columns, len(figure.panels), _MOST_COLUMNS))
     scales = _scales(figure)
     grids: list[tuple[str, list[Markup]]] = []
-    widest, share = 0.0, 1.0
+    widest, share, breaks = 0.0, 1.0, False
     with drawing():
         for shape in _SHAPES[columns]:
             frames = _frames(figure, scales, columns, shape)
             widest = max([widest, *(frame.inner[0] for frame in frames)])
-            share = min(share, 1.0 if grids else _printed_share(frames, columns))
+            if not grids:
+                share, breaks = _on_paper(frames, columns)
             drawn = []
             for place, (panel, (x, y), frame) in enumerate(zip(figure.panels, scales, frames, strict=True)):
                 if panel.equal and not x.log and not y.log:
@@ -99,18 +101,20 @@ def figure_view(figure: Figure, number: int) -> FigureView:
             grids.append((shape.name, drawn))
     return FigureView(
         number, figure.name, clean(figure.title), clean(figure.caption), _alt(figure), columns,
-        key_markup(keys(figure, columns)), grids, share < _LEAST_SHARE, 100 if share < _LEAST_SHARE else int(100 * share),
+        key_markup(keys(figure, columns)), grids, breaks, int(100 * share),
         signals(figure, number, scales, widest),
     )  # fmt: skip
 
 
-def _printed_share(frames: Sequence[Frame], columns: int) -> float:
-    """Return the share of a sheet's width at which all rows of panels stand on it together."""
-    beside = min(columns, _SHEET_COLUMNS)
-    rows = [frames[start : start + beside] for start in range(0, len(frames), beside)]
-    width = _SHEET_WIDTH / beside
+def _on_paper(frames: Sequence[Frame], columns: int) -> tuple[float, bool]:
+    """Return the share of a sheet's width that a figure takes, and whether it breaks between its rows of panels."""
+    rows = [frames[start : start + columns] for start in range(0, len(frames), columns)]
+    width = _SHEET_WIDTH / columns
     height = sum(max(frame.height * min(width / frame.width, 1.0) for frame in row) + 6 for row in rows)
-    return min(_SHEET_HEIGHT / height, 1.0)
+    legible = max(_LEAST_FONT * frame.width / (frame.font * width) for frame in frames)
+    share = min(max(_SHEET_HEIGHT / height, legible), 1.0)
+    breaks = len(rows) > 2 and share * height > _MOST_WHOLE
+    return 1.0 if breaks else share, breaks
 
 
 def _abridged(figure: Figure) -> Figure:

@@ -18,6 +18,7 @@ from pipeline.report.chapters import Chapter, chapters
 from pipeline.report.citation import citation
 from pipeline.report.figure import FigureView
 from pipeline.report.gathered import told
+from pipeline.report.naming import Naming
 from pipeline.report.palette import css_variables
 from pipeline.report.words import clean, harmless, shortened
 from pipeline.report.zoom import Zoom, zoom
@@ -51,6 +52,7 @@ def render_report(findings: Findings, experiment: Experiment, title: str, comman
         What was typed to get here, shown for whoever repeats it.
     """
     made = chapters(findings, experiment, command)
+    naming = Naming(experiment.parameters)
     long = _long_signals(made)
     return page(
         "report.html.j2",
@@ -62,7 +64,7 @@ def render_report(findings: Findings, experiment: Experiment, title: str, comman
         experiment=experiment,
         source=citation(experiment.references[0]) if experiment.references else "",
         verdict=VERDICTS[findings.verdict],
-        reasons=told(findings.reasons, (run.run for run in findings.runs)),
+        reasons=[naming.text(text) for text in told(findings.reasons, (run.run for run in findings.runs))],
         facts=_facts(findings),
         chapters=made,
         zoom=long.data,

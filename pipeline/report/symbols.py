@@ -79,8 +79,8 @@ class _Symbol:
     def script(self, depth: int, tag: str) -> Markup:
         """Read a sub- or superscript; a word there is a name and stands upright."""
         content = self.argument(depth)
-        word = re.fullmatch(r"<var>(\w{2,})</var>", content)
-        return Markup("<{0}>{1}</{0}>").format(tag, Markup(word[1]) if word else content)
+        word = re.fullmatch(r"<var>(\w{2,})</var>(\d*)", content)
+        return Markup("<{0}>{1}</{0}>").format(tag, Markup(word[1] + word[2]) if word else content)
 
     def atom(self, depth: int, upright: bool) -> Markup:
         token = self.take()

@@ -19,9 +19,9 @@ MOST_ROWS = 200
 NOTHING = "–"
 _HEIGHTS = {"long": 26, "tall": 9, "short": 0}  # rows
 PROSE_FROM = 30  # signs; such a text has a column of a readable width
-_WIDTHS = {"widest": 13, "wider": 10, "wide": 8}  # columns
 # Width of an A4 sheet and of a cell's padding in ems of the print type of "widest", "wider", "wide" and none (style.css).
-_SHEET = ((96.0, 0.7), (88.0, 0.65), (73.0, 1.05), (58.0, 1.7))
+_SHEET = {"widest": (96.0, 0.7), "wider": (88.0, 0.65), "wide": (73.0, 1.05), "": (58.0, 1.7)}
+_PROSE = 13.0  # ems that a column of sentences needs
 _SMALLER = 0.9  # type of a second line
 
 
@@ -66,12 +66,10 @@ class TableView:
 
     @property
     def _width(self) -> str:
-        """Return the smallest class of type in which the columns fit a sheet, by their number or by their texts."""
-        by_number = next((place for place, columns in enumerate(_WIDTHS.values()) if len(self.heads) >= columns), 3)
+        """Return the class of the largest type in which the columns fit a sheet."""
         rooms = [_room(head, [row[place] for row in self.rows]) for place, head in enumerate(self.heads)]
-        needed, names = sum(rooms), [*_WIDTHS, ""]
-        fits = [place for place, (most, padding) in enumerate(_SHEET) if needed + padding * len(rooms) <= most]
-        return names[min(by_number, max(fits, default=0))]
+        fits = [name for name, (most, padding) in _SHEET.items() if sum(rooms) + padding * len(rooms) <= most]
+        return (fits or ["widest"])[-1]
 
     def numbered(self, number: int) -> TableView:
         """Return the table with its number in the page."""
@@ -103,14 +101,19 @@ def table_view(table: Table, most_rows: int = MOST_ROWS) -> TableView:
 
 def _room(head: Head, cells: Sequence[Shown]) -> float:
     """Return how wide a column is at least, in ems: numbers stay on a line, words may break."""
-    widths = [text_width(word, 1.0) for word in str(head.text).split()] + [_SMALLER * text_width(head.unit, 1.0)]
+    widths = [text_width(word, 1.0) for word in _bare_text(head.text).split()]
+    widths.append(_SMALLER * text_width(head.unit, 1.0))
     for cell in cells:
-        text = cell.text.striptags() if isinstance(cell.text, Markup) else cell.text
-        lines = [(text, 1.0), (cell.below, _SMALLER)]
+        widths.append(_PROSE if cell.kind == "prose" else 0.0)
+        lines = [(_bare_text(cell.text), 1.0), (_bare_text(cell.below), _SMALLER)]
         for line, size in lines:
             parts = [line] if "number" in cell.kind else line.split()
             widths += [size * text_width(part, 1.0) for part in parts]
     return max(widths)
+
+
+def _bare_text(text: str) -> str:
+    return text.striptags() if isinstance(text, Markup) else text
 
 
 def column_unit(column: Column, cells: Sequence[Cell]) -> ReadingUnit:
@@ -138,7 +141,9 @@ def _column(column: Column, cells: Sequence[Cell]) -> tuple[Head, list[Shown]]:
         prose = any(len(one.text) > PROSE_FROM and not isinstance(one.text, Markup) for one in words)
         return Head(_text(column.heading)), [replace(one, kind="prose") for one in words] if prose else words
     if all(isinstance(cell, int) for cell in numbers) and column.unit in ("", "1"):
-        texts = [f"{cell:,}".replace(",", THIN) if _counts(cell) else _words(cell).text for cell in cells]
+        texts = [
+            f"{cell:,}".replace(",", THIN).replace("-", "−") if _counts(cell) else _words(cell).text for cell in cells
+        ]
         return Head(_text(column.heading), "", True), [Shown(text, kind="number") for text in texts]
     unit = column_unit(column, cells)
     readings = _of_same_decimals([_reading(cell, unit) for cell in cells], cells, unit)

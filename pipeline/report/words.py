@@ -7,8 +7,12 @@ import unicodedata
 
 from markupsafe import Markup
 
-_TYPESET = {"+-": "±", "-": "−", "um": "µm", "us": "µs", "degC": "°C"}
-_TYPEWRITTEN = re.compile(r"\+-(?= ?\d)|(?<![^\s(±+])-(?=\d)|(?<=\d )u[ms]\b|(?<=\d )degC\b|(?<=in )degC\b")
+_TYPESET = {"+-": "±", "-": "−", "um": "µm", "us": "µs", "degC": "°C", "chi2": "χ²", "^2": "²", "^3": "³"}
+_TYPEWRITTEN = re.compile(
+    r"\+-(?= ?\d)|(?<![^\s(±+])-(?=\d)|(?<=\d )u[ms]\b|(?<=\d )degC\b|(?<=in )degC\b|\bchi2\b|(?<=[A-Za-z)])\^[23](?!\d)"
+)
+_POWER_OF_TEN = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-])0*(\d+)(?!\w)")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def clean(text: str) -> str:
@@ -18,8 +22,15 @@ def clean(text: str) -> str:
 
 
 def typeset(text: str) -> str:
-    """Return `text` with the signs that a typewriter lacks: plus-minus, minus before a number, micro, degree."""
-    return text if isinstance(text, Markup) else _TYPEWRITTEN.sub(lambda found: _TYPESET[found[0]], text)
+    """Return `text` with the signs that a typewriter lacks: plus-minus, minus before a number, micro, powers."""
+    if isinstance(text, Markup):
+        return text
+    return _POWER_OF_TEN.sub(_power_of_ten, _TYPEWRITTEN.sub(lambda found: _TYPESET[found[0]], text))
+
+
+def _power_of_ten(found: re.Match[str]) -> str:
+    exponent = found[3].translate(_RAISED)
+    return f"{found[1]}×10{'⁻' if found[2] == '-' else ''}{exponent}"
 
 
 def _breaks(sign: str) -> bool:

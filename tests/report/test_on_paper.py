@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 
 from pipeline.findings.figures import Axis, Column, Figure, Line, Panel, Points, Table, Value
 from pipeline.report.figure import figure_view
+from pipeline.report.naming import Naming
 from pipeline.report.table import table_view
 from pipeline.report.words import typeset
+from pipeline.rigs.experiment import ParameterSpec
 
 X = np.linspace(0.0, 1.0, 5)
 TIME, FORCE = Axis("time", "s"), Axis("force", "N")
@@ -18,16 +21,16 @@ def stacked(panels: int, columns: int = 1) -> Figure:
     return Figure("f", "F", "Why?", "", [Panel([Line(X, X, "measured")], TIME, FORCE)] * panels, columns)
 
 
-def test_a_figure_is_as_wide_as_lets_it_stay_on_a_sheet_and_breaks_where_that_is_too_small():
+def test_a_figure_takes_the_height_that_its_text_needs_and_breaks_between_its_rows_where_it_is_high():
     whole = figure_view(stacked(1), 1)
     assert (whole.share, whole.breaks) == (100, False)
-    smaller = figure_view(stacked(3), 1)
-    assert 70 <= smaller.share < 100
+    smaller = figure_view(stacked(2), 1)
     assert not smaller.breaks
-    assert smaller.share / 100 * 3 * 330 * 700 / 780 < 830
+    assert smaller.share / 100 * 13 * 700 / 780 > 8  # px of text
+    assert smaller.share / 100 * 2 * 330 * 700 / 780 < 450
+    assert not figure_view(stacked(4, 4), 1).breaks
     long = figure_view(stacked(6), 1)
     assert (long.share, long.breaks) == (100, True)
-    assert not figure_view(stacked(6, 3), 1).breaks
 
 
 @pytest.mark.parametrize(("columns", "size"), [(3, "short"), (7, "wide short"), (14, "widest short")])
@@ -36,8 +39,20 @@ def test_tables_whose_numbers_are_long_take_smaller_type(columns, size):
     assert table_view(Table("t", "T", "", [Column("value")] * columns, [row])).size == size
 
 
-def test_seven_short_columns_keep_their_type():
-    assert table_view(Table("t", "T", "", [Column("n")] * 7, [list(range(7))])).size == "short"
+def test_many_short_columns_keep_their_type_and_symbols_are_as_wide_as_they_are_shown():
+    heads = [Column(Markup("<var>k</var><sub>xx</sub>"))] * 12  # type: ignore[arg-type]
+    assert table_view(Table("t", "T", "", heads, [list(range(12))])).size == "short"
+
+
+def test_names_of_parameters_are_set_as_symbols_and_words_stay_words():
+    specs = [
+        ParameterSpec("kxx2", "k_{xx2}", "N/m^2", "", ""),
+        ParameterSpec("contact_stiffness", "k_p", "N/m", "", ""),
+        ParameterSpec("rotation", r"\alpha", "rad", "", ""),
+    ]
+    set_text = Naming(specs).text("rotation alpha, F/k_p < contact_stiffness, kxx2x and kxx2")
+    k_p, k_xx2 = "<var>k</var><sub><var>p</var></sub>", "<var>k</var><sub>xx2</sub>"
+    assert str(set_text) == f"rotation <var>α</var>, F/{k_p} &lt; {k_p}, kxx2x and {k_xx2}"
 
 
 def test_points_of_one_panel_are_named_in_one_place_and_a_title_is_not_repeated():
@@ -57,7 +72,8 @@ def test_points_of_one_panel_are_named_in_one_place_and_a_title_is_not_repeated(
         ("by -0.28 % (-3 to -1)", "by −0.28 % (−3 to −1)"),
         ("59 us late at 20 degC", "59 µs late at 20 °C"),
         ("sh-2 of 2024-05-01, tells us the sum", "sh-2 of 2024-05-01, tells us the sum"),
-        ("tpjb-rotating-4pad, 3e-05 rad/s", "tpjb-rotating-4pad, 3e-05 rad/s"),
+        ("tpjb-rotating-4pad, 3e-05 rad/s", "tpjb-rotating-4pad, 3×10⁻⁵ rad/s"),
+        ("chi2 of 2e+12 N/m^2 in 12e45", "χ² of 2×10¹² N/m² in 12e45"),
     ],
 )
 def test_signs_that_a_typewriter_lacks_are_set(typed, shown):
