@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import ConditionSpec, Experiment, Later, ParameterSpec, Settings
 from pipeline.rigs.rap.conditions import CONDITIONS, channels
 from pipeline.rigs.rap.flow.equations import EQUATIONS
@@ -82,4 +83,18 @@ FLOW = Experiment(
     methods=Later("pipeline.rigs.rap.flow.methods:methods"),
     check=Later("pipeline.rigs.rap.flow.check:check"),
     operating=OPERATING,
+    signals=(
+        Signals(
+            "windows",
+            {
+                "metered": "m^3/s",
+                "metered_error": "m^3/s",
+                "own": "m^3/s",
+                **dict.fromkeys(("E0", "E1", "E2", "E3"), "m^3/s"),
+                "frequency": "Hz",
+                "amplitude": "Pa",
+            },
+            "each window at its middle: flow of the meter, of the device, of the estimators; the pump's line",
+        ),
+    ),
 )

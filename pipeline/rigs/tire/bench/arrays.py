@@ -31,7 +31,7 @@ def arrays_of(found: Campaign, others: Sequence[BenchRun], parameters: Sequence[
     tables = {
         "runs": _table(("run", "load", "speed"), (_run(run) for run in found.runs)),
         "waveforms": _frames(
-            ("run", "angle", "change", "std_error", "resistance", "voltage", "curvature", "model"),
+            ("run", "angle", "time", "change", "std_error", "resistance", "voltage", "curvature", "model"),
             [_waveform(found, run) for run in found.runs],
         ),
         "marks": _table(("run", "kind", "angle", "change"), (row for run in found.runs for row in _marks(found, run))),
@@ -92,6 +92,7 @@ def _waveform(found: Campaign, run: BenchRun) -> dict[str, Any]:
     return {
         "run": run.name,
         "angle": wave.theta,
+        "time": (wave.theta - wave.theta[0]) / run.rotation,
         "change": wave.change,
         "std_error": wave.std_error,
         "resistance": wave.mean,

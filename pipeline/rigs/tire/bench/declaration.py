@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pipeline.findings.signals import Signals
 from pipeline.rigs.experiment import Experiment, Later, ParameterSpec, Settings
 from pipeline.rigs.tire.bench.equations import EQUATIONS
 from pipeline.rigs.tire.conditions import CONDITIONS, OPERATING, channels
@@ -90,4 +91,14 @@ BENCH = Experiment(
     check=Later("pipeline.rigs.tire.bench.check:check"),
     operating=OPERATING,
     advise=Later("pipeline.rigs.tire.bench.advise:advise"),
+    signals=(
+        Signals(
+            "waveforms",
+            {"change": "ohm", "std_error": "ohm", "model": "ohm", "voltage": "V"},
+            "the mean revolution at its mean speed, and the ring's",
+        ),
+        Signals(
+            "revolutions", {"speed": "rad/s", "peak": "ohm", "peak_se": "ohm"}, "each revolution: rotation and peak"
+        ),
+    ),
 )
