@@ -178,7 +178,9 @@ class Findings(_Strict):
         default_factory=dict,
         description="by channel the standard uncertainties that are carried in: gain_u (relative), offset_u (SI)",
     )
-    provenance: dict[str, Any] = Field(default_factory=dict, description="versions, and hashes of code, recipe, logs and findings used")
+    provenance: dict[str, Any] = Field(
+        default_factory=dict, description="versions, and hashes of code, recipe, logs and findings used"
+    )
     arrays: dict[str, Any] = Field(default_factory=dict, exclude=True)
 
     _known: _Known = PrivateAttr(default_factory=lambda: _Known())
