@@ -129,39 +129,38 @@ def _filter(findings: Findings, run: str) -> Figure:
 
 
 def _numbers(findings: Findings) -> list[Table]:
-    rows: list[list[Cell]] = []
+    volumes: list[list[Cell]] = []
+    loops: list[list[Cell]] = []
     for run in runs_of(findings.arrays["parts"]):
         found = [next(iter(findings.find(name, run=run)), None)
                  for name in ("uf_volume_final", "uf_pump_gain", "uf_volume_error_rms")]  # fmt: skip
         more = next(iter(records(of_run(findings.arrays["account"], run))), None)
         if any(found) and more is not None:
-            rows.append([run, *map(value_of, found), *(_rounded(more[name], step) for name, step in _ACCOUNT.items())])
-    if not rows:
+            V, gain, rms = map(value_of, found)
+            volumes.append([run, V, *(_rounded(more[name], n) for name, n in _ACCOUNT.items()), rms])
+            loops.append([run, gain, *(_rounded(more[name], n) for name, n in _LOOP.items())])
+    if not volumes:
         return []
     return [
         Table(
             "volumes", "The account of the ultrafiltrate",
-            "V: in the tank at the end. Removed: sum over all fillings of the tank. Error: estimate less scale, after the first echo. Rate: slope "
-            "of the scale over the set rate. Closed and open loop: delivered less set, as regulated and as the command alone would have given. "
-            "NIS: mean normalised innovation squared, 1 where the filter's noise is right.",
-            [Column("Run"), Column("V", "mL"), Column("Pump gain"), Column("Error, rms", "mL"), Column("Removed", "mL"),
-             Column("Final error", "mL"), Column("Final error", "%"), Column("Rate, scale over set"), Column("Closed loop", "%"),
-             Column("Open loop", "%"), Column("NIS")],
-            rows,
-        )
+            "V: in the tank at the end. Removed: sum over all fillings of the tank. Error: estimate less scale, after the first echo.",
+            [Column("Run"), Column("V", "mL"), Column("Removed", "mL"), Column("Final error", "mL"), Column("Final error", "%"), Column("Error, rms", "mL")],
+            volumes,
+        ),
+        Table(
+            "regulation", "The pump and its regulation",
+            "Gain: delivered over commanded. Rate: slope of the scale over the set rate. Closed and open loop: delivered less set, as regulated and as "
+            "the command alone would have given. NIS: mean normalised innovation squared, 1 where the filter's noise is right.",
+            [Column("Run"), Column("Gain"), Column("Rate, scale over set"), Column("Closed loop", "%"), Column("Open loop", "%"), Column("NIS")],
+            loops,
+        ),
     ]  # fmt: skip
 
 
 # What the account tells, and to how many decimals in SI.
-_ACCOUNT = {
-    "removed": 6,
-    "final_error": 8,
-    "final_share": 4,
-    "rate_ratio": 4,
-    "closed_loop": 4,
-    "open_loop": 4,
-    "nis": 2,
-}
+_ACCOUNT = {"removed": 6, "final_error": 8, "final_share": 4}
+_LOOP = {"rate_ratio": 4, "closed_loop": 4, "open_loop": 4, "nis": 2}
 
 
 def _rounded(value: float, decimals: int) -> float | None:
