@@ -34,6 +34,7 @@ from benchmarks.pages.browser import (
     faults_of_texts,
     faults_of_width,
     faults_on_paper,
+    first_paint,
     opened,
     sheets,
 )
@@ -64,7 +65,10 @@ def main(words: list[str] | None = None) -> int:
             folder = None if options.check_only else options.out / name
             told = looked_at(window, path, folder)
             wrong += bool(told)
-            print(f"{name}: {'no fault' if not told else ''}", *told, sep="\n  " if told else "", flush=True)
+            with opened(window, path) as (page, _):
+                page.wait_for_timeout(500)  # the entry of the paint comes after the load
+                about = f"{path.stat().st_size / 1e6:.2f} MB, {first_paint(page)}"
+            print(f"{name} ({about}): {'no fault' if not told else ''}", *told, sep="\n  " if told else "", flush=True)
     print(f"{len(pages)} pages, {wrong} with faults." + ("" if options.check_only else f" Pictures: {options.out}/"))
     return int(wrong > 0)
 

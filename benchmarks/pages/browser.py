@@ -104,6 +104,14 @@ def faults_of_file(path: Path) -> list[str]:
     ]
 
 
+def first_paint(page: Page) -> str:
+    """Say how long the page took from being asked for to the first thing seen."""
+    found = page.evaluate(
+        "performance.getEntriesByName('first-contentful-paint').map(entry => entry.startTime)[0] ?? null"
+    )
+    return "first paint not measured" if found is None else f"first paint after {found:.0f} ms"
+
+
 def faults_of_width(page: Page) -> list[str]:
     """Nothing is wider than the window."""
     needed, given = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
