@@ -6,7 +6,7 @@
   if (!source) return;
   const { arrays, panels } = JSON.parse(source.textContent);
   const { unpack, from, fixed, decimals, told, power } = zoomNumbers;
-  const LEAST = 1e-5, STEP = 0.2; /* shares of the width: the narrowest window, how far an arrow moves */
+  const LEAST = 1e-5, STEP = 0.2, NUDGE = 0.01; /* shares of the width: the narrowest window, how far window and cursor move */
   const open = new Set();
 
   const make = (name, className, textContent = "") => Object.assign(document.createElement(name), { className, textContent });
@@ -29,11 +29,13 @@
       this.root = make("div", "zoom-view");
       this.root.tabIndex = 0;
       this.root.setAttribute("role", "application");
-      const keys = "Plus and minus zoom, arrow keys move, Escape goes back.";
+      const keys = "Arrow keys move the cursor, with Shift the window; plus and minus zoom, Escape goes back.";
       this.root.setAttribute("aria-label", `${panel.name}, enlarged. ${keys}`);
       if (panel.title) this.root.append(make("p", "zoom-title", panel.title));
       this.stage = make("div", "zoom-stage");
-      this.root.append(this.stage, this.tools(), this.legend());
+      this.said = make("p", "zoom-said");
+      this.said.setAttribute("aria-live", "polite");
+      this.root.append(this.stage, this.tools(), this.legend(), this.said);
       box.append(this.root);
       box.classList.add("zoomed");
       this.low = panel.x.low;
@@ -168,6 +170,20 @@
     zoom(factor, at = 0.5) { this.transform(factor, at, at); }
     move(share) { this.transform(1, share, 0); }
 
+    /* Where the cursor stands, as a share of the window's width; the middle where there is none. */
+    get share() { return this.plot.cursor.left >= 0 ? this.plot.cursor.left / this.plot.over.clientWidth : 0.5; }
+
+    /* The cursor goes one way, at the edge the window with it; its values are told. */
+    nudge(way) {
+      const width = this.plot.over.clientWidth, place = this.share + way * NUDGE, beyond = place < 0 || place > 1;
+      const x = this.plot.posToVal(place * width, "x");
+      if (beyond) this.move(way * STEP);
+      const left = beyond ? this.plot.valToPos(x, "x") : place * width;
+      this.plot.setCursor({ left: Math.min(Math.max(left, 0), width), top: 0 }, true, true);
+      const told = this.marks.filter(({ value }) => value && value.textContent).map(({ label, value }) => `${label} ${value.textContent}`);
+      this.said.textContent = [this.at.textContent, ...told].join("; ");
+    }
+
     selected(u) {
       const { left, top, width, height } = u.select;
       if (width < 2 && height < 2) return;
@@ -206,11 +222,11 @@
     key(event) {
       if (event.ctrlKey || event.metaKey || event.altKey) return;
       const act = {
-        "+": () => this.zoom(0.5),
-        "=": () => this.zoom(0.5),
-        "-": () => this.zoom(2),
-        ArrowLeft: () => this.move(-STEP),
-        ArrowRight: () => this.move(STEP),
+        "+": () => this.zoom(0.5, this.share),
+        "=": () => this.zoom(0.5, this.share),
+        "-": () => this.zoom(2, this.share),
+        ArrowLeft: () => (event.shiftKey ? this.move(-STEP) : this.nudge(-1)),
+        ArrowRight: () => (event.shiftKey ? this.move(STEP) : this.nudge(1)),
         Escape: () => (this.whole ? this.close() : this.show(this.panel.x.low, this.panel.x.high)),
       }[event.key];
       if (!act) return;

@@ -113,7 +113,7 @@ def test_keys_open_zoom_and_go_back(open_page):
     page.keyboard.press("+")
     low, high = window(page)
     assert (low, high) == pytest.approx((22.75, 77.25), abs=0.1)
-    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Shift+ArrowRight")
     assert window(page) == pytest.approx((33.65, 88.15), abs=0.1)
     page.keyboard.press("-")
     page.keyboard.press("-")
@@ -174,6 +174,34 @@ def test_the_values_under_the_cursor_are_those_of_the_signal(open_page):
     expected = np.interp(moment, T, FORCE) / 1e3
     assert model == pytest.approx(expected, abs=2e-3)  # the nearest sample
     assert (low, high) == pytest.approx((expected - 0.02, expected + 0.02), abs=2e-3)
+
+
+def test_arrow_keys_move_the_cursor_and_its_values_are_told(open_page):
+    page = open_page()
+    button(page).focus()
+    page.keyboard.press("Enter")
+    said = page.locator(".zoom-said")
+    assert (said.get_attribute("aria-live"), said.inner_text()) == ("polite", "")
+
+    def told() -> tuple[float, float]:
+        words = said.inner_text()
+        assert words.replace("; ", "") == re.sub(r"\n", "", page.locator(".zoom-values").inner_text())
+        return float(re.match(r"time ([\d.]+) s; ", words)[1]), float(re.search(r"model ([\d.]+) kN", words)[1])
+
+    for key, moment in (("ArrowRight", 51.1), ("ArrowRight", 52.2), ("ArrowLeft", 51.1)):
+        page.keyboard.press(key)
+        at, model = told()
+        assert at == pytest.approx(moment, abs=0.15)  # a hundredth of the window from its middle
+        assert model == pytest.approx(np.interp(at, T, FORCE) / 1e3, abs=2e-3)
+    page.keyboard.press("+")
+    assert window(page)[0] == pytest.approx(51.1 - 0.51 * 54.5, abs=0.2)  # about the cursor
+    for _ in range(50):
+        page.keyboard.press("ArrowRight")
+    at, _ = told()
+    low, high = window(page)
+    assert low == pytest.approx(51.1 - 0.51 * 54.5 + 10.9, abs=0.3)  # the window went along at its edge
+    assert low < at < high
+    assert at == pytest.approx(51.1 + 50 * 0.545, abs=0.8)
 
 
 def test_panels_of_one_time_are_zoomed_together(open_page):
