@@ -70,7 +70,10 @@ class Stems:
 
 @dataclass(frozen=True)
 class Points:
-    """Markers, with 95 % limits where given: `low`, `high` along y, `left`, `right` along x (shape (n,) each)."""
+    """Markers, with 95 % limits where given: `low`, `high` along y, `left`, `right` along x (shape (n,) each).
+
+    With `bare` no marker is drawn and each of `texts` stands on its point.
+    """
 
     x: np.ndarray
     y: np.ndarray
@@ -81,6 +84,7 @@ class Points:
     texts: Sequence[str] = ()
     left: np.ndarray | None = None
     right: np.ndarray | None = None
+    bare: bool = False
 
 
 @dataclass(frozen=True)

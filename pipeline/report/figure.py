@@ -27,8 +27,8 @@ from pipeline.report.zoom import Signal, signals
 _MOST_COLUMNS = 4
 _MOST_PANELS = 60  # of one figure; more are the experiment's to sum up
 # A sheet's width, and the height that a figure may take of it: white space before figures that stay whole grows with them.
-_SHEET_WIDTH, _SHEET_HEIGHT = 700.0, 400.0
-_LEAST_FONT = 8.2  # px on paper; a figure is made smaller only down to it
+_SHEET_WIDTH, _SHEET_HEIGHT = 700.0, 305.0
+_LEAST_FONT = 8.7  # px on paper; a figure is made smaller only down to it
 _MOST_WHOLE = 450.0  # px; a higher figure of three rows and more breaks between them
 
 

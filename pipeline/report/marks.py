@@ -55,7 +55,7 @@ def draw_marks(axes: Axes, marks: Sequence[Mark], x: Scale, y: Scale, inner: tup
     for mark, z, below in zip(marks, layers(marks), under_a_model(marks), strict=True):
         if isinstance(mark, Line):
             _line(axes, mark, x, y, inner[0], z, below)
-        elif isinstance(mark, Points):
+        elif isinstance(mark, Points) and not mark.bare:
             _points(axes, mark, x, y, z, below)
         elif isinstance(mark, Outline):
             _outline(axes, mark, x, y, z)

@@ -162,7 +162,11 @@ def _name_points(
         (x.fraction(float(a)) * width, y.fraction(float(b)) * height) if np.isfinite(a) and np.isfinite(b) else None
         for a, b in zip(xs, ys, strict=True)
     ]
-    taken += [Box(at[0] - _POINT, at[1] - _POINT, at[0] + _POINT, at[1] + _POINT) for at in places if at]
+    taken += (
+        []
+        if mark.bare
+        else [Box(at[0] - _POINT, at[1] - _POINT, at[0] + _POINT, at[1] + _POINT) for at in places if at]
+    )
     for at, raw in zip(places, mark.texts, strict=False):
         text = clean(raw)
         if not at or not text:
@@ -173,6 +177,8 @@ def _name_points(
             for dx, dy in ((6, -tall / 2), (-6 - long, -tall / 2), (-long / 2, 6), (-long / 2, -6 - tall),
                            (5, 4), (5, -4 - tall), (-5 - long, 4), (-5 - long, -4 - tall))
         ]  # fmt: skip
+        if mark.bare:
+            boxes = [Box(at[0] - long / 2, at[1] - tall / 2, at[0] + long / 2, at[1] + tall / 2)]
         free = [box for box in boxes if box.within(width, height) and not any(box.meets(other) for other in taken)]
         box = (free or boxes)[0]
         taken.append(box)

@@ -300,9 +300,21 @@ def test_names_are_those_declared_and_one_model_is_selected(four: Findings) -> N
     assert sum(model.selected for model in four.models) == 1
 
 
-@pytest.mark.parametrize("truth", [{}, {"missing_side": 2}, {"planes": "2"}])
-def test_report_sections_and_methods_are_written_from_the_findings(truth: Mapping[str, Any]) -> None:
+@pytest.mark.parametrize(
+    ("truth", "answers"),
+    [
+        ({}, ["Yes: every side was touched. Mean clearance 0.2010", "Yes: it grows by 0.66 um/kN", "within the limit"]),
+        ({"missing_side": 2}, ["No: never at side 2 in plane 1, 2 in plane 2.", "It cannot be told"]),
+        ({"planes": "2"}, ["Yes: every side was touched", "It cannot be told"]),
+        ({"levels": [8e3]}, ["There is one force only", "Only one force was applied."]),
+    ],
+)
+def test_report_sections_and_methods_are_written_from_the_findings(
+    truth: Mapping[str, Any], answers: list[str]
+) -> None:
     found = identified(truth)
+    told = " ".join(getattr(block, "caption", "") for section in BUMP.sections(found) for block in section.blocks)
+    assert [answer for answer in answers if answer not in told] == []
     names = [section.name for section in BUMP.sections(found)]
     assert names[:3] == ["clearance", "growth", "alignment"]
     figures = [block for section in BUMP.sections(found) for block in section.blocks if hasattr(block, "panels")]

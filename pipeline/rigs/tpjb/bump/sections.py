@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.errors import listing
 from pipeline.findings import Findings
 from pipeline.findings.figures import (
     Axis,
@@ -26,6 +27,7 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.tpjb.bump.answers import all_round, converged, left_over, spread, steady, three_digits, value_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,6 +36,7 @@ X, Y = Axis("x, horizontal", "m"), Axis("y, vertical", "m")
 _FORCE = Axis("size of the turning force", "N")
 # A pad is drawn as a block: half its length, its gap to the side and its thickness over the clearance.
 _PAD_LENGTH, _PAD_GAP, _PAD_THICKNESS = 0.4, 0.06, 0.1
+_PAD_LABEL = 0.12  # from the block to the middle of its name, once more along x, where names are long
 
 
 def sections(findings: Findings) -> Sequence[Section]:
@@ -68,7 +71,7 @@ def _clearance(findings: Findings, bearing: str) -> list[Figure | Table | Text]:
         corner = polygons[polygons["plane"] == plane]
         marks: list[Mark] = []
         if len(corner):
-            marks.append(Outline(corner["x"].to_numpy(), corner["y"].to_numpy(), "model", "clearance at no force"))
+            marks.append(Outline(corner["x"].to_numpy(), corner["y"].to_numpy(), "reference", "clearance at no force"))
         marks += _pads(side)
         for k, level in enumerate(sorted(orbit["level"].unique())):
             part = orbit[orbit["level"] == level]
@@ -81,17 +84,17 @@ def _clearance(findings: Findings, bearing: str) -> list[Figure | Table | Text]:
     figure = Figure(
         f"orbits_{bearing}" if bearing else "orbits",
         _title("Orbits in the clearance", bearing),
-        "Does the stator go all round the clearance? Displacement of the stator against the shaft, absolute, from the zero "
-        "of the probes; one colour a force. The tinted polygon is the clearance at no force, the blocks are the pads, drawn at "
-        "the side where the stator meets them (opposite to where they stand on the stator).",
+        f"Does the stator go all round the clearance? {all_round(findings, bearing, sides)} Displacement of the stator against "
+        "the shaft, from the zero of the probes; one colour a force. The tinted polygon is the clearance at no force, the blocks "
+        "are the pads, drawn at the side where the stator meets them (opposite to where they stand on the stator).",
         "orbits at each force inside the clearance polygon with the pads, one panel a probe plane, equal axes",
         panels,
         columns=2,
     )
     told = (
-        "What is observable: the centre, the rotation, the mean clearance and N - 3 differences between pads. A shift of the "
-        "centre and the first harmonic of the side distances look alike, so the distances are normalised to sum c_i n_i = 0; "
-        "with four pads the two of an opposed pair are then equal by definition, and only their common width is measured."
+        "What is observable: the centre, the rotation, the mean clearance and N − 3 differences between N pads. A shift of the "
+        "centre and the first harmonic of the side distances look alike, so the distances are normalised: weighted with the "
+        "normals of the sides they add up to zero. With four pads the two of an opposed pair are then equal by definition, and only their common width is measured."
     )
     return [figure, *_corner(orbits, polygons, bearing), _sides_table(findings, bearing, sides), Text([told])]
 
@@ -118,18 +121,18 @@ def _pads(side: pd.DataFrame) -> list[Mark]:
         foot = n * row["place"] + t * (float(t @ centre) if np.isfinite(centre).all() else 0.0)
         inner, outer, half = _PAD_GAP * c * n, (_PAD_GAP + _PAD_THICKNESS) * c * n, _PAD_LENGTH * c * t
         block = foot + np.array([inner - half, inner + half, outer + half, outer - half])
-        marks.append(Outline(block[:, 0], block[:, 1], "reference", "" if marks else "pads"))
-        aside = -0.25 * c if n[0] < -0.3 else 0.0  # texts stand to the right of their point
-        labels.append(foot + (_PAD_GAP + 2.2 * _PAD_THICKNESS) * c * n + np.array([aside, 0.0]))
+        marks.append(Outline(block[:, 0], block[:, 1], "reference"))
+        labels.append(foot + (_PAD_GAP + _PAD_THICKNESS + _PAD_LABEL * (1.0 + abs(n[0]))) * c * n)
     if labels:
         x, y = np.array(labels).T
-        marks.append(Points(x, y, "reference", "pads", texts=[f"pad {row['side']}" for row in shown]))
+        marks.append(Points(x, y, "reference", texts=[f"pad {row['side']}" for row in shown], bare=True))
     return marks
 
 
 def _corner(orbits: pd.DataFrame, polygons: pd.DataFrame, bearing: str) -> list[Figure]:
     """Return the orbits near the uppermost corner of each plane, where they grow with the force."""
     panels = []
+    grown: list[str] = []
     for plane in sorted(orbits["plane"].unique()):
         orbit, corner = orbits[orbits["plane"] == plane], polygons[polygons["plane"] == plane]
         if corner.empty:
@@ -143,19 +146,28 @@ def _corner(orbits: pd.DataFrame, polygons: pd.DataFrame, bearing: str) -> list[
         for k, (level, part) in enumerate(orbit.groupby("level")):
             shown = beyond[near & (orbit["level"] == level).to_numpy()]
             marks.append(Points(shown[:, 0], shown[:, 1], k, _newtons(part["force"].iloc[0])))
+        tops = orbit.assign(top=beyond[:, 1])[near].groupby("level").agg({"force": "first", "top": "max"})
+        if len(tops) > 1:
+            (first, low), (last, high) = tops.iloc[0], tops.iloc[-1]
+            grown.append(f"{1e6 * (high - low):.1f} um from {_newtons(first)} to {_newtons(last)} in plane {plane}")
         place = int(points[:, 1].argmax())
         for other in (points[place - 1], points[(place + 1) % len(points)]):
             way = (other - at) / np.linalg.norm(other - at) * reach
-            marks.append(Line(np.array([0.0, way[0]]), np.array([0.0, way[1]]), "model"))
+            marks.append(Line(np.array([0.0, way[0]]), np.array([0.0, way[1]]), "reference", "sides at no force"))
         panels.append(
             Panel(marks, Axis("x from the corner", "m"), Axis("y from the corner", "m"), f"plane {plane}", equal=True)
         )
+    answer = (
+        f"The orbit reaches further by {listing(grown, 4)}."
+        if grown
+        else "There is one force only, so that nothing is told."
+    )
     return [
         Figure(
             f"corner_{bearing}" if bearing else "corner",
             _title("Growth at the upper corner", bearing),
-            "What does more force add? Block means near the uppermost corner of the polygon (lines): the stator sinks into "
-            "both pads, in proportion to the force, and the corner of the orbit becomes an arc.",
+            f"What does more force add? {answer} Block means near the uppermost corner of the polygon: there the stator sinks "
+            "into both pads, and the corner of the orbit becomes an arc.",
             "orbits near one corner, enlarged, one colour a force, one panel a plane, equal axes",
             panels,
             columns=2,
@@ -170,17 +182,17 @@ def _newtons(force: float) -> str:
 def _sides_table(findings: Findings, bearing: str, sides: pd.DataFrame) -> Table:
     rows: list[list[Cell]] = []
     for row in sides.to_dict("records"):
-        found = _value(findings, "clearance", bearing, plane=float(row["plane"]), side=float(row["side"]))
+        found = value_of(findings, "clearance", bearing, plane=float(row["plane"]), side=float(row["side"]))
         touched: Cell = Status("touched", "ok") if row["touched"] else Status("never touched", "warning")
-        rows.append([f"{row['plane']}", f"{row['side']}", row["pad_angle"], found, row["near"], touched])
+        rows.append([f"{row['plane']}", f"{row['side']}", row["pad_angle"], found, three_digits(row["near"]), touched])
     for plane in sorted(sides["plane"].unique()):
-        mean = _value(findings, "clearance", bearing, plane=float(plane))
+        mean = value_of(findings, "clearance", bearing, plane=float(plane))
         rows.append([f"{plane}", "mean", None, mean, None, ""])
     return Table(
         f"sides_{bearing}" if bearing else "sides",
         _title("Cold assembled clearance, side by side", bearing),
-        "Distance of each side from the centre at no force, normalised. Side i is where the stator meets pad i; the share is "
-        "that of the samples close to the side at the largest force.",
+        f"How wide is it? {spread(sides)} Distance of each side from the centre at no force, normalised. Side i is where the "
+        "stator meets pad i; the share is that of the samples close to the side at the largest force.",
         [
             Column("plane"),
             Column("side"),
@@ -193,17 +205,11 @@ def _sides_table(findings: Findings, bearing: str, sides: pd.DataFrame) -> Table
     )
 
 
-def _value(findings: Findings, name: str, bearing: str, **at: float) -> Value | None:
-    full = {**at, **({"bearing": bearing} if any("bearing" in p.at for p in findings.parameters) else {})}
-    found = [p for p in findings.parameters if p.name == name and p.at == full]
-    return Value(found[0].value, found[0].std_error, found[0].ci95) if found else None
-
-
 def _growth(findings: Findings, bearing: str) -> list[Figure | Table]:
     levels = _of(findings, "levels", bearing)
     blocks: list[Figure | Table] = []
-    k_p = _value(findings, "contact_stiffness", bearing)
-    zeros = {int(p): _value(findings, "clearance", bearing, plane=float(p)) for p in sorted(levels["plane"].unique())}
+    k_p = value_of(findings, "contact_stiffness", bearing)
+    zeros = {int(p): value_of(findings, "clearance", bearing, plane=float(p)) for p in sorted(levels["plane"].unique())}
     known = {p: zero.value for p, zero in zeros.items() if zero is not None and zero.value is not None}
     if levels["force"].nunique() > 1 and known:
         marks: list[Mark] = []
@@ -218,9 +224,10 @@ def _growth(findings: Findings, bearing: str) -> list[Figure | Table]:
             Figure(
                 f"growth_{bearing}" if bearing else "growth",
                 _title("Growth of the clearance with the force", bearing),
-                "Has the polygon converged? Points: mean clearance of the polygon laid round the orbit at each force, less that "
-                "at no force. They lie a little below the compliance of one pad pressed by the whole force, since the support "
-                "carries a part; a straight line through them would give too small a clearance at no force.",
+                f"Has the polygon converged? {converged(findings, levels, k_p)} Points: mean clearance of the polygon laid round "
+                "the orbit at each force, less that at no force; those of the planes lie over each other where they agree. "
+                "Line: one pad pressed by the whole force. Points lie below it where the support carries a part of the force; a "
+                "straight line through them would give too small a clearance at no force.",
                 "growth of the mean clearance over the force, one colour a plane, with the contact's compliance",
                 [Panel(marks, _FORCE, Axis("mean clearance less that at no force", "m"))],
             )
@@ -233,8 +240,8 @@ def _growth(findings: Findings, bearing: str) -> list[Figure | Table]:
             row["center_x"],
             row["center_y"],
             row["rotation"],
-            row["misfit"],
-            row["least_near"],
+            three_digits(row["misfit"]),
+            three_digits(row["least_near"]),
         ]
         for row in levels.to_dict("records")
     ]
@@ -242,8 +249,8 @@ def _growth(findings: Findings, bearing: str) -> list[Figure | Table]:
         Table(
             f"levels_{bearing}" if bearing else "levels",
             _title("Polygon at each force", bearing),
-            "As the polygon stands in the orbit, compliance included. The last column is the share of the samples at the side "
-            "that has fewest.",
+            f"Is it the same polygon at every force? {steady(levels)} As the polygon stands in the orbit, compliance included. "
+            "The last column is the share of the samples at the side that has fewest.",
             [
                 Column("plane"),
                 Column("force", "N"),
@@ -263,6 +270,7 @@ def _growth(findings: Findings, bearing: str) -> list[Figure | Table]:
 def _alignment(findings: Findings) -> Table:
     limit = float(findings.settings.get("alignment_limit", 100e-6))
     rows: list[list[Cell]] = []
+    answers: list[str] = []
     for p in (q for q in findings.parameters if q.name == "tilt_x"):
         other = findings.one("tilt_y", **p.at)
         name = f" {p.at['bearing']}" if "bearing" in p.at else ""
@@ -277,10 +285,14 @@ def _alignment(findings: Findings) -> Table:
             else 0.0
         )
         rows.append([f"size{name}", Value(size, sd), limit, _held(size, limit)])
+        side = "within" if size <= limit else "beyond"
+        answers.append(f"the tilt{name} is {1e6 * size:.3g} µrad, {side} the limit of {1e6 * limit:.3g} µrad")
+    answer = f"{'; '.join(answers).capitalize()}." if answers else "It cannot be told, see the parameters."
     return Table(
         "alignment",
         "Tilt of the bearing against the shaft",
-        "Difference of the centres in the two probe planes over their distance, against the limit set in the recipe.",
+        f"Does the bearing stand square to the shaft? {answer} Difference of the centres in the two probe planes over their "
+        "distance.",
         [Column("tilt"), Column("found", "rad"), Column("limit", "rad"), Column("verdict")],
         rows,
     )
@@ -311,8 +323,8 @@ def _residuals(findings: Findings, bearing: str) -> list[Figure]:
         Figure(
             f"residuals_{bearing}" if bearing else "residuals",
             _title("What the contact law leaves", bearing),
-            "Is only noise left? Block means while two pads hold the stator, where noise of the force hardly moves it. Steps "
-            "with the force would be a contact that is not linear, a slope would be drift.",
+            f"Is only noise left? {left_over(findings, panels)} Block means while two pads hold the stator, where noise of the "
+            "force hardly moves it. Steps with the force would be a contact that is not linear, a slope would be drift.",
             "residual displacement over time, one panel a plane",
             panels,
             columns=1,
