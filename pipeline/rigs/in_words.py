@@ -1,8 +1,11 @@
-"""How likely, and how large against the noise: in words for those who read a verdict, not for those who test hypotheses."""
+"""How likely, how large against the noise, how well known: in words for those who read a report and sign it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+
+from pipeline.findings import Parameter
 
 _RARE = 1e-4
 
@@ -34,3 +37,33 @@ def times_noise(chi2_reduced: float) -> str:
     """
     times = math.sqrt(chi2_reduced)
     return f"{times:.{2 if times < 10.0 else 0}f} times the noise"
+
+
+def known(parameter: Parameter | None, size: float, unit: str) -> str:
+    """Return a number with its 95 % interval in a unit of that SI size: ``"317.10 mm (95 %: 317.07 to 317.14 mm)"``.
+
+    Two digits of half of the interval decide; '' where there is no number.
+    """
+    if parameter is None or parameter.value is None:
+        return ""
+    if parameter.ci95 is None:
+        return f"{parameter.value / size:.4g} {unit}".rstrip()
+    low, high = (limit / size for limit in parameter.ci95)
+    half = 0.5 * (high - low)
+    digits = max(0, 1 - math.floor(math.log10(half))) if half > 0.0 and math.isfinite(half) else 3
+    shown = (f"{number:.{digits}f}" for number in (parameter.value / size, low, high))
+    return "{} {u} (95 %: {} to {} {u})".format(*shown, u=unit).replace(" )", ")").replace("  ", " ")
+
+
+def span(values: Iterable[float], digits: int, unit: str = "") -> str:
+    """Return the least and the most of some numbers, one where they read alike: ``"0.98 to 1.06"``."""
+    finite = [value for value in values if math.isfinite(value)]
+    if not finite:
+        return "unknown"
+    low, high = (f"{round(limit, digits) + 0.0:.{digits}f}" for limit in (min(finite), max(finite)))
+    return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
+
+
+def sentence(text: str) -> str:
+    """Return a text as a sentence: its first letter large, a point at its end."""
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."

@@ -40,7 +40,7 @@ def remarks_on(
         share = 2.0 * abs(friction.value) / middle
         if share > _MOST_HYSTERESIS and not friction.ci95[0] <= 0.0 <= friction.ci95[1]:
             said.append(
-                f"Loading up and down differ by {share:.1%} of the load: guide friction about {abs(friction.value):.0f} N "
+                f"Loading up and down differ by {100.0 * share:.1f} % of the load: guide friction about {abs(friction.value):.0f} N "
                 "between load cell and tire; the calibration uses loads freed of it."
             )
     offset = offset_of(curve, zero)

@@ -165,7 +165,7 @@ def statements(fit: RingFit, verdict: RingVerdict) -> tuple[str, ...]:
         condition = float(fit.singular[0] / fit.singular[-1])
         spoken.append(
             f"{len(good)} of {len(PARAMETERS)} parameters are determined from {_counted(fit.loads, 'load')} and "
-            f"{_counted(fit.speeds, 'speed')}; the weakest is {weakest} ({share:.2g} relative), condition number "
+            f"{_counted(fit.speeds, 'speed')}; the weakest is {weakest} (relative error {100.0 * share:.2g} %), condition number "
             f"{condition:.3g}."
         )
     spoken += [

@@ -93,9 +93,9 @@ def _lengths(parameters: Sequence[Parameter], tire: Tire) -> list[Published]:
     length = f" of {1e3 * tire.sensor_length:.0f} mm" if tire.sensor_length else ""
     return [
         Published(
-            name="contact length from the slopes of the signal", published="L_slope = Lc", found=f"L_slope/Lc = {low:.2f} to {high:.2f}",
+            name="contact length from the slopes of the signal", published="slope length = Lc", found=f"slope length/Lc = {low:.2f} to {high:.2f}",
             where="section 3", agrees=low > 0.95 and high < 1.05,
-            remark=f"a sensor{length} longer than the contact pins L_slope at its own length; Lc comes from the ring fit",
+            remark=f"a sensor{length} longer than the contact pins the slope length at its own length; Lc comes from the ring fit",
         ),
         Published(
             name="deformation length over contact length", published=None,

@@ -376,20 +376,18 @@ def _told(i: int, values: np.ndarray, covariance: np.ndarray, speeds: int, verdi
             if speeds < 2
             else "roll faster, or more revolutions."
         )
-        return undetermined(name, f"its relative standard error is {se / size:.0%}: {remedy}")
+        return undetermined(name, f"its relative standard error is {100.0 * se / size:.0f} %: {remedy}")
     return estimate(name, value, se)
 
 
 def _said(verdict: str, worst: float, reduced: float, scatter: float) -> str:
     said = {
-        "good": f"The flex sensor predicts the film within {worst:.2%} of its rms: both are well bonded.",
-        "fair": f"The flex sensor predicts the film within {worst:.1%} of its rms; below 2 % is good.",
-        "bad": f"The flex sensor misses the film by {worst:.0%} of its rms: a bond or a channel is suspect.",
+        "good": f"The flex sensor predicts the film within {100.0 * worst:.2f} % of its rms: both are well bonded.",
+        "fair": f"The flex sensor predicts the film within {100.0 * worst:.1f} % of its rms; below 2 % is good.",
+        "bad": f"The flex sensor misses the film by {100.0 * worst:.0f} % of its rms: a bond or a channel is suspect.",
     }[verdict]
     if reduced > _POOR:
         said += f" The ratio departs from its law ({times_noise(reduced)}); intervals are widened."
     if scatter > 0.0:
-        said += (
-            f" The ratio of the two differs by {scatter:.2%} from run to run, more than noise; the intervals hold that."
-        )
+        said += f" The ratio of the two differs by {100.0 * scatter:.2f} % from run to run, more than noise; the intervals hold that."
     return said

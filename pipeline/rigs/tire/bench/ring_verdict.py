@@ -78,12 +78,12 @@ def judged(fit: RingFit) -> RingVerdict:
         said = f"The ring model fits: what it leaves is as large as the scatter of the averages ({size})."
     elif level == "rejected" and fit.scatter.size > _MOST_SCATTER:
         said = (
-            f"The runs contradict each other: load, sensor gain or pressure would have to differ from run to run by {fit.scatter.size:.1%}. Look at "
+            f"The runs contradict each other: load, sensor gain or pressure would have to differ from run to run by {100.0 * fit.scatter.size:.1f} %. Look at "
             "the loads, the pressure before and behind each run and the bond."
         )
     elif level == "rejected":
         said = (
-            f"The model does not fit ({size}): it leaves {misfit:.2%} of the peak, correlated over {length:.0f} angles. "
+            f"The model does not fit ({size}): it leaves {100.0 * misfit:.2f} % of the peak, correlated over {length:.0f} angles. "
             "Parameters of a model that does not fit are not told. Look for creep of the sensor, a wrong load, pressure "
             "or sensor length, a bond that yields, or a first harmonic."
         )
@@ -91,15 +91,13 @@ def judged(fit: RingFit) -> RingVerdict:
         said = f"The residual is white but larger than the standard errors tell ({size}); the intervals are widened for it."
     elif fit.scatter.size > _TOLD_SCATTER:
         said = (
-            f"The ring model fits ({size}) once load, sensor gain and pressure may differ from run to run by {fit.scatter.size:.2%}, more than their noise "
+            f"The ring model fits ({size}) once load, sensor gain and pressure may differ from run to run by {100.0 * fit.scatter.size:.2f} %, more than their noise "
             "explains (friction, temperature, pressure reset between runs); the intervals hold that."
         )
     elif not fit.converged:
         said = f"The search did not end by its own tolerance ({size}); take the numbers with doubt."
     else:
-        said = (
-            f"The model leaves a little more than noise ({size}, {misfit:.2%} of the peak); the intervals are widened."
-        )
+        said = f"The model leaves a little more than noise ({size}, {100.0 * misfit:.2f} % of the peak); the intervals are widened."
     if level != "ok" and rising:
         kind = "load" if not speed_trend > load_trend else "speed"
         said += f" The misfit rises with {kind}."

@@ -23,7 +23,7 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
-from pipeline.rigs.in_words import chance
+from pipeline.rigs.tire.bench import captions
 from pipeline.rigs.tire.bench.paper import G0, SENSITIVITY
 from pipeline.rigs.tire.bench.sections_waveform import Blocks
 
@@ -52,7 +52,7 @@ def of_calibration(findings: Findings) -> Blocks:
             Band(x, curve["low"].to_numpy(), curve["high"].to_numpy(), "model", "95 % of one revolution"),
             Line(x, curve["peak"].to_numpy(), "model", "quadratic"),
         ]
-        volts.append(Line(x, curve["voltage"].to_numpy(), "model", "quadratic in R2"))
+        volts.append(Line(x, curve["voltage"].to_numpy(), "model", "quadratic in R₂"))
         middle = float(np.median(x))
         at_middle = float(np.interp(middle, x, curve["voltage"].to_numpy()))
         volts.append(Line(x, at_middle + SENSITIVITY * (x - middle), "reference", "70 mV per 50 kg", dashed=True))
@@ -69,13 +69,13 @@ def of_calibration(findings: Findings) -> Blocks:
         volts.append(Points(load, rows["voltage"].to_numpy(), role, label))
         if rows["residual"].notna().any() and role == "measured":
             left = rows["residual"].to_numpy()
-            rest.append(Points(load, left, "residual", "runs", left - half, left + half))
+            rest.append(Points(load, left, "residual", "", left - half, left + half))
     panels = [Panel(marks, _LOAD, _PEAK, "resistance"), Panel(volts, _LOAD, Axis("peak over rest", "V"), "voltage")]
     if len(rest) > 1:
         panels.append(Panel(rest, _LOAD, Axis("residual", "ohm"), "measured less quadratic"))
     figure = Figure(
         "calibration", "Peak of the waveform over load",
-        "How much does a newton raise the peak? The band holds 95 % of the peaks of single revolutions; loads are read off it by inverting it "
+        f"How much does a newton raise the peak? {captions.slope(findings, points)} The band holds 95 % of the peaks of single revolutions; loads are read off it by inverting it "
         "(Fieller), not by regressing load on peak. The paper's line has its slope only: its height is lost.",
         "peak over load with the quadratic calibration, in ohm and in volts, and residuals", panels, columns=2,
     )  # fmt: skip
@@ -105,14 +105,14 @@ def _sensitivity(findings: Findings) -> Blocks:
         return []
     value, sd = found.value, found.std_error or 0.0
     rows: list[list[Cell]] = [
-        ["V/N", Value(value, sd), SENSITIVITY],
-        ["mV per 50 kg", Value(value * 50e3 * G0, sd * 50e3 * G0), SENSITIVITY * 50e3 * G0],
-        ["N/V", Value(1.0 / value, sd / value**2), 1.0 / SENSITIVITY],
+        ["µV/N", Value(1e6 * value, 1e6 * sd), round(1e6 * SENSITIVITY)],
+        ["mV per 50 kg", Value(value * 50e3 * G0, sd * 50e3 * G0), round(SENSITIVITY * 50e3 * G0)],
+        ["N/V", Value(1.0 / value, sd / value**2), round(1.0 / SENSITIVITY, -1)],
     ]
     return [
         Table(
             "sensitivity", "Sensitivity at mid-range",
-            "Slope of the peak's voltage over load in the middle of the loads, from the quadratic in R2.",
+            f"{captions.beside_paper(value)} Slope of the peak's voltage over load in the middle of the loads, from the quadratic in R₂.",
             [Column("in"), Column("found"), Column("paper, \"in the order of\"")], rows,
         )
     ]  # fmt: skip
@@ -133,7 +133,7 @@ def _read_back(findings: Findings) -> Blocks:
     return [
         Table(
             "read_back", "Loads read off the calibration",
-            "The load that each run's mean peak stands for, with its 95 % interval (Fieller), beside the load cell.",
+            f"{captions.read_back(known)} The load that each run's mean peak stands for, with its 95 % interval (Fieller), beside the load cell.",
             [Column("run"), Column("load", "N"), Column("load read off", "N"), Column("difference", "N"), Column("in the calibration")], rows,
         )
     ]  # fmt: skip
@@ -167,7 +167,7 @@ def of_speed(findings: Findings) -> Blocks:
     return [
         Figure(
             "speed_line", "Surface speed over rotation",
-            f"On which radius does the tire roll? {_rolls(findings)}",
+            f"On which radius does the tire roll? {captions.rolls(findings, radius)}",
             "surface speed over rotation with a line through the origin, and the radius of each run",
             [
                 Panel(marks, Axis("rotation", "rad/s"), Axis("surface speed", "km/h"), "speed line"),
@@ -176,14 +176,3 @@ def of_speed(findings: Findings) -> Blocks:
             columns=2,
         )
     ]  # fmt: skip
-
-
-def _rolls(findings: Findings) -> str:
-    fit = findings.arrays["fit"].iloc[0]
-    said = "An inextensible belt without slip rolls on its own radius R and not on the free radius; R of the ring fit is this Re."
-    if np.isfinite(fit["intercept"]):
-        said += (
-            f" A free intercept would be {1e3 * fit['intercept']:+.2f} ± {1.96e3 * fit['intercept_sd']:.2g} mm/s (95 %; as far off by chance: "
-            f"{chance(float(fit['intercept_p']))})."
-        )
-    return said

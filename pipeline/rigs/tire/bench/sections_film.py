@@ -6,7 +6,8 @@ import math
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Status, Table
-from pipeline.rigs.tire.bench.sections_waveform import ANGLE, Blocks, of_run, shown, shown_runs, title_of
+from pipeline.rigs.tire.bench import captions
+from pipeline.rigs.tire.bench.sections_waveform import ANGLE, Blocks, of_run, shown_runs, title_of
 
 # Of the rms of the measured voltage: less is good, more than the second is a warning.
 GOOD, BAD = 0.02, 0.10
@@ -44,7 +45,7 @@ def of_film(findings: Findings) -> Blocks:
     found: Blocks = [
         Figure(
             "film", "PVDF measured and predicted from flex",
-            f"Do both sensors see one belt? The film's voltage over the angle and what the flex sensor's waveform makes of it by the rate model: "
+            f"Do both sensors see one belt? {captions.one_belt(findings)} The film's voltage over the angle and what the flex sensor's waveform makes of it by the rate model: "
             f"derivative at low orders, strain at high ones. Both curves hold the orders {int(orders['order'].min())} to {int(orders['order'].max())} of the wheel only, those that can be compared: "
             "the ripple beside the passage is that cut and not the film.",
             "film voltage over angle for each run, measured and predicted", waves, columns=2,
@@ -54,7 +55,7 @@ def of_film(findings: Findings) -> Blocks:
         found.append(
             Figure(
                 "film_orders", "Order spectra of the PVDF",
-                "Where does the prediction hold? Amplitude of each order of the wheel in the runs of lowest and highest load and speed; near the first null of the flex sensor (one wave on its "
+                f"Where does the prediction hold? {captions.holds_up_to(orders[orders['run'].isin(panel.title for panel in spectra)])} Amplitude of each order of the wheel in the runs of lowest and highest load and speed; near the first null of the flex sensor (one wave on its "
                 "length) nothing can be predicted.",
                 "amplitude over order, measured and predicted", spectra, columns=2,
             )
@@ -84,13 +85,13 @@ def _table(findings: Findings) -> Blocks:
                 if p.value > BAD
                 else Status("fair", "warning")
             )
-        rows.append([str(p.at["run"]), shown(p), word])
+        rows.append([str(p.at["run"]), None if p.value is None else round(p.value, 4), word])
     if not rows:
         return []
     return [
         Table(
             "film_misfit", "Misfit of the prediction by run",
-            f"Rms of measured less predicted over the rms of the measured voltage; below {100 * GOOD:.0f} % is good, above {100 * BAD:.0f} % the "
+            f"{captions.film_words([row[-1].word for row in rows if isinstance(row[-1], Status)])} Rms of measured less predicted over the rms of the measured voltage; below {100 * GOOD:.0f} % is good, above {100 * BAD:.0f} % the "
             "sensors contradict each other.",
             [Column("run"), Column("NRMSE", "%"), Column("")], rows,
         )

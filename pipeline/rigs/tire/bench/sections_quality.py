@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Cell, Column, Status, Table, Text, Value
-from pipeline.rigs.tire.bench import paper
+from pipeline.rigs.tire.bench import captions, paper
 from pipeline.rigs.tire.bench.sections_waveform import Blocks
 
 
@@ -16,9 +16,9 @@ def of_quality(findings: Findings) -> Blocks:
     rows: list[list[Cell]] = []
     for row in table.to_dict("records"):
         rows.append([
-            str(row["run"]), "yes" if row["used"] else "no", round(float(row["loss"]), 5), float(row["longest_gap"]), int(row["revolutions"]), int(row["lost"]),
-            int(row["rejected"]), {1: "up", -1: "down"}.get(int(row["polarity"]), "unknown"), float(row["skewness"]),
-            round(float(row["first_harmonic"]), 5), round(float(row["speed_scatter"]), 5), round(float(row["drift"]), 5),
+            str(row["run"]), "yes" if row["used"] else "no", round(float(row["loss"]), 4), round(float(row["longest_gap"]), 4), int(row["revolutions"]), int(row["lost"]),
+            int(row["rejected"]), {1: "up", -1: "down"}.get(int(row["polarity"]), "unknown"), round(float(row["skewness"]), 2),
+            round(float(row["first_harmonic"]), 5), round(float(row["speed_scatter"]), 4), round(float(row["drift"]), 4),
         ])  # fmt: skip
     both = [("temperature", "degC", "liner temperature"), ("pressure", "Pa", "inflation pressure")]
     told = [(name, unit, words) for name, unit, words in both if table[name].nunique(dropna=False) > 1]
@@ -29,7 +29,7 @@ def of_quality(findings: Findings) -> Blocks:
     found: Blocks = [
         Table(
             "passages", "Quality of the passages",
-            "First harmonic of R2 over the peak: a closed belt has none, above 2 % it is an artefact. Skewness of a flex sensor is 3 to 5. R0 drift: "
+            f"{captions.passages(table)} First harmonic of R₂ over the peak: a closed belt has none, above 2 % it is an artefact. Skewness of a flex sensor is 3 to 5. R0 drift: "
             "change of the revolution's mean over the run.",
             columns, rows,
         )

@@ -23,6 +23,7 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.tire.bench import captions
 from pipeline.rigs.tire.bench.sections_waveform import Blocks
 
 
@@ -33,7 +34,7 @@ def of_ring(findings: Findings) -> Blocks:
         return []
     rows: list[list[Cell]] = [
         [
-            _SHOWN[row["parameter"]][0], _in_words(row), float(row["relative"]), float(row["relative_a"]), float(row["with_gain"]),
+            _SHOWN[row["parameter"]][0], _in_words(row), round(float(row["relative"]), 4), round(float(row["relative_a"]), 4), round(float(row["with_gain"]), 2) + 0.0,
             str(row["prior"]), Status("told", "ok") if row["told"] else Status("not told", "warning"),
         ]
         for row in table.to_dict("records")
@@ -42,7 +43,7 @@ def of_ring(findings: Findings) -> Blocks:
         Text(list(findings.arrays["ring_statements"]["statement"])),
         Table(
             "ring_parameters", "Parameters of the joint fit",
-            "The relative errors with and without type B (pressure, load cell, radii), the correlation with the sensor's gain c, and what was known "
+            f"{captions.told_parameters(table)} The relative errors with and without type B (pressure, load cell, radii), the correlation with the sensor's gain c, and what was known "
             "before. What is not told here is null among the parameters, with its reason.",
             [Column("parameter"), Column("value, 95 %"), Column("error, all", "%"), Column("error, type A", "%"), Column("correlation with c"),
              Column("prior"), Column("")],
@@ -69,32 +70,30 @@ def _misfit(findings: Findings) -> Blocks:
     table = findings.arrays["ring_runs"]
     if table.empty:
         return []
-    position = np.arange(1.0, len(table) + 1.0)
     rows: list[list[Cell]] = [
         [
-            str(row["run"]), float(row["load"]), float(row["rotation"]), float(row["chi2_reduced"]), float(row["rms"]), float(row["relative"]),
+            str(row["run"]), float(row["load"]), float(row["rotation"]), round(float(row["chi2_reduced"]), 2), round(float(row["rms"]), 2), round(float(row["relative"]), 5),
             Value(float(row["contact_length"]), float(row["contact_length_sd"])),
         ]
         for row in table.to_dict("records")
     ]  # fmt: skip
     figure = Figure(
         "misfit", "Misfit of each run",
-        "Does the misfit grow with load or speed? One is what the scatter of the revolutions explains; a rise with load or speed would be "
+        f"Does the misfit grow with load or speed? {captions.grows_with(table)} One is what the scatter of the revolutions explains; a rise with load or speed would be "
         "physics that the ring lacks.",
         "reduced chi-square of each run",
         [
             Panel(
-                [Points(position, table["chi2_reduced"].to_numpy(), "residual", "", texts=list(table["run"].astype(str))), Rule(y=1.0)],
-                Axis("run", whole=True), Axis("χ² reduced"), "by run",
-            ),
-            Panel([Points(table["load"].to_numpy(), table["chi2_reduced"].to_numpy(), "residual"), Rule(y=1.0)],
-                  Axis("load", "N"), Axis("χ² reduced"), "over load"),
+                [Points(table[name].to_numpy(), table["chi2_reduced"].to_numpy(), "residual", "", texts=list(table["run"].astype(str))), Rule(y=1.0)],
+                axis, Axis("χ² reduced"), f"over {axis.label}",
+            )
+            for name, axis in (("load", Axis("load", "N")), ("rotation", Axis("rotation", "rad/s")))
         ],
         columns=2,
     )  # fmt: skip
     return [
         Table(
-            "ring_runs", "The fit run by run", "What the joint fit leaves of each waveform, and the contact length that it gives the run.",
+            "ring_runs", "The fit run by run", f"{captions.left_of_peak(table)} What the joint fit leaves of each waveform, and the contact length that it gives the run.",
             [Column("run"), Column("load", "N"), Column("rotation", "rad/s"), Column("χ² reduced"), Column("rms residual", "ohm"),
              Column("of the peak", "%"), Column("Lc", "m")],
             rows,
@@ -120,7 +119,7 @@ def _told_apart(findings: Findings) -> Blocks:
     return [
         Figure(
             "told_apart", "What the data tell apart",
-            f"Which combination is known worst? {weakest}. Stiffnesses and gain move together: their ratios are known better than each. The "
+            f"Which combination is known worst? {weakest[:1].upper()}{weakest[1:]}. Stiffnesses and gain move together: their ratios are known better than each. The "
             "singular values are those of the weighted Jacobian, in relative changes, priors included.",
             "correlation matrix of the fitted parameters and singular values of the fit", panels, columns=2,
         )

@@ -24,13 +24,14 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.tire.bench import captions
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Blocks = list[Figure | Table | Text]
 ANGLE = Axis("angle from the peak", "rad")
-_CHANGE = Axis("R2 less its mean", "ohm")
+_CHANGE = Axis("R₂ less its mean", "ohm")
 # Of a turn, what is drawn: the rest is flat.
 _REACH = 0.5 * math.pi
 _RUNS, _REVOLUTIONS = 8, 14
@@ -67,7 +68,7 @@ def of_waveforms(findings: Findings) -> Blocks:
         own = own[own["angle"].abs() <= _REACH]
         x, y, sd = (own[name].to_numpy() for name in ("angle", "change", "std_error"))
         drawn: list[Mark] = [Band(x, y - 2 * sd, y + 2 * sd, "measured"), Line(x, y, "measured", "measured")]
-        rest: list[Mark] = [Band(x, -2 * sd, 2 * sd, "measured", "±2 se"), Rule(y=0.0)]
+        rest: list[Mark] = [Band(x, -2 * sd, 2 * sd, "measured", "±2 standard errors"), Rule(y=0.0)]
         if own["model"].notna().any():
             drawn.append(Line(x, own["model"].to_numpy(), "model", "ring fit", dashed=True))
             rest.append(Line(x, y - own["model"].to_numpy(), "residual", "measured less fit"))
@@ -81,7 +82,7 @@ def of_waveforms(findings: Findings) -> Blocks:
     figure = Figure(
         "waveforms",
         "Averaged waveforms",
-        f"Does the ring explain what the sensor sees? {_answer(findings)} Mean over the revolutions with ±2 standard errors"
+        f"Does the ring explain what the sensor sees? {captions.explained(findings)} Mean over the revolutions with ±2 standard errors"
         f"{', the joint ring fit, and what it leaves on its right' if fitted else ''}. The leading dip is on the left. Dashed rules: edges of the "
         "contact by the fit; marks: dips and, on the flanks, the extreme slopes.",
         "resistance over angle for each run with the ring fit and the residual",
@@ -89,15 +90,6 @@ def of_waveforms(findings: Findings) -> Blocks:
         columns=2,
     )
     return [figure, *_three_units(findings)]
-
-
-def _answer(findings: Findings) -> str:
-    model = next((m for m in findings.models if m.selected and m.chi2_reduced is not None), None)
-    if model is None:
-        return "No ring was fitted, see the reasons."
-    fits = bool(findings.arrays["fit"]["model_fits"].iloc[0])
-    said = "Yes, within the noise" if fits else "No, the model does not fit"
-    return f"{said}: reduced chi-square {model.chi2_reduced:.3g}."
 
 
 def _marks_of(rows: pd.DataFrame) -> list[Mark]:
@@ -135,7 +127,7 @@ def _three_units(findings: Findings) -> Blocks:
         Figure(
             "three_units",
             "The same waveform as voltage and as curvature",
-            "What does the sensor measure? Minus the change of curvature, k: 1/R on a flat spot, negative where the belt bends more beside the "
+            f"What does the sensor measure? {captions.curved(own['curvature'].to_numpy(dtype=float), float(findings.arrays['fit']['R'].iloc[0]))} It is negative where the belt bends more beside the "
             "patch. The divider compresses peaks in volts, so that all numbers here are worked out in resistance.",
             "one averaged waveform in volts and as change of curvature",
             panels,
@@ -151,11 +143,9 @@ def of_lengths(findings: Findings) -> Blocks:
     )
     rows: list[list[Cell]] = []
     for load, speed in points:
-        by = {name: _at(findings, name, load, speed) for name in _LENGTHS}
+        by = {name: _at(findings, name, load, speed) for name in captions.LENGTHS}
         contact, bent = by["contact_length"], by["deformation_length"]
-        known = contact is not None and bent is not None and contact.value and bent.value
-        ratio = bent.value / contact.value if known and contact and bent and contact.value and bent.value else None
-        rows.append([load, speed, *(shown(by[name]) for name in _LENGTHS), ratio])
+        rows.append([load, speed, *(shown(by[name]) for name in captions.LENGTHS), _over(bent, contact)])
     if not rows:
         return []
     length = findings.arrays["fit"]["sensor_length"].iloc[0]
@@ -164,22 +154,28 @@ def of_lengths(findings: Findings) -> Blocks:
         Text([
             "Which length is which, never to be confused: the contact length Lc is where the road presses, and only the ring fit gives it. The "
             "deformation length Ld is the distance between the two dips: the span over which the belt is bent, several times Lc and hardly "
-            f"dependent on load. L_slope, between the steepest flanks, is pinned at the length of the sensor{told} wherever that is longer "
-            "than the contact. L_zero lies between the zero crossings of k. Neither Ld, L_slope nor L_zero is a contact length."
+            f"dependent on load. The slope length, between the steepest flanks, is pinned at the length of the sensor{told} wherever that is longer "
+            "than the contact. The zero length lies between the zero crossings of k. None of these three is a contact length."
         ]),
         Table(
             "lengths", "Contact, deformation, slope and zero length by load and speed",
-            "Lc from the ring fit; the others read off the averaged waveform.",
-            [Column("load as set", "N"), Column("speed as set", "km/h"), Column("Lc, contact", "m"), Column("Ld, dip to dip", "m"),
-             Column("L_slope", "m"), Column("L_zero", "m"), Column("Ld/Lc")],
+            f"{captions.ratio([row[-1].value for row in rows if isinstance(row[-1], Value)])} Lc from the ring fit; the others read off the averaged waveform.",
+            [Column("load as set", "N"), Column("speed as set", "km/h"), Column("contact Lc", "m"), Column("deformation Ld, dip to dip", "m"),
+             Column("slope length", "m"), Column("zero length", "m"), Column("Ld/Lc")],
             rows,
         ),
         *_length_figure(findings, points),
     ]  # fmt: skip
 
 
-_LENGTHS = ("contact_length", "deformation_length", "slope_length", "zero_length")
-_NAMES = ("Lc, contact (ring fit)", "Ld, dip to dip", "L_slope", "L_zero")
+def _over(above: Parameter | None, below: Parameter | None) -> Cell:
+    """Return the ratio of two lengths with its error."""
+    if above is None or below is None or not above.value or not below.value:
+        return None
+    ratio = above.value / below.value
+    return Value(
+        ratio, ratio * math.hypot((above.std_error or 0.0) / above.value, (below.std_error or 0.0) / below.value)
+    )
 
 
 def _at(findings: Findings, name: str, load: float, speed: float) -> Parameter | None:
@@ -190,7 +186,7 @@ def _length_figure(findings: Findings, points: list[tuple[float, float]]) -> Blo
     if len({load for load, _ in points}) < 2:
         return []
     marks: list[Mark] = []
-    for number, (name, label) in enumerate(zip(_LENGTHS, _NAMES, strict=True)):
+    for number, (name, label) in enumerate(captions.LENGTHS.items()):
         found = [
             p for load, speed in points if (p := _at(findings, name, load, speed)) is not None and p.value is not None
         ]
@@ -203,7 +199,8 @@ def _length_figure(findings: Findings, points: list[tuple[float, float]]) -> Blo
     return [
         Figure(
             "lengths_over_load", "Lengths over load",
-            "Which of the lengths follows the load? The contact length does; the others are set by the ring's bending length and by the sensor.",
+            f"Which of the lengths follows the load? {captions.grown(findings)} The contact length is the road's; the others are set by the ring's bending length and "
+            "by the sensor.",
             "four lengths over load", [Panel(marks, Axis("load", "N"), Axis("length", "m"))],
         )
     ]  # fmt: skip
@@ -236,13 +233,13 @@ def of_revolutions(findings: Findings) -> Blocks:
                     )
                 )
             marks.append(Line(x, y, "measured"))
-        panels.append(Panel(marks, ANGLE, Axis("R2 less its mean, set apart", "ohm"), title_of(findings, run)))
+        panels.append(Panel(marks, ANGLE, Axis("R₂ less its mean, set apart", "ohm"), title_of(findings, run)))
     if not panels:
         return []
     return [
         Figure(
             "waterfall", "Revolution above revolution",
-            f"Is every passage like the other? The first {_REVOLUTIONS} revolutions of each run from the bottom up, each set off from the one below; "
+            f"Is every passage like the other? {captions.alike(findings.arrays['revolutions'])} The first {_REVOLUTIONS} revolutions of each run from the bottom up, each set off from the one below; "
             "stretches in grey were lost by the radio and bridged for the eye only.",
             "resistance over angle, one line a revolution", panels, columns=2,
         )

@@ -9,13 +9,14 @@ import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Band, Cell, Column, Figure, Line, Mark, Panel, Points, Rule, Table, Value
+from pipeline.rigs.tire.road import captions
+from pipeline.rigs.tire.road.captions import GATE, LIMIT
 
 if TYPE_CHECKING:
     import pandas as pd
 
 TIME = Axis("time", "s")
-SPEED, LOAD, FORCE = Axis("peripheral speed", "m/s"), Axis("vertical load Fz", "N"), Axis("longitudinal force Fx", "N")
-GATE, LIMIT = 10.8, 3.84
+SPEED, LOAD, FORCE = Axis("peripheral speed", "km/h"), Axis("vertical load Fz", "N"), Axis("longitudinal force Fx", "N")
 # Half the revolutions of a second limit what is seen; a gap of more revolutions than that breaks a curve.
 _BREAK = 4.0
 _KINDS = {"vertical": ("vertical event", 4), "longitudinal": ("longitudinal event", 6)}
@@ -23,6 +24,7 @@ _EVENTS_DRAWN = 300
 # Beyond so many points only the lowest and the highest of each stretch are drawn: the page stays small.
 _MOST_POINTS = 6000
 _LEAST_NIS = 0.01
+_WALKS = {"rotation": "rad/s^2.5", "load": "N/s^1.5", "force": "N/s^1.5"}
 
 
 def of_run(table: pd.DataFrame, run: str) -> pd.DataFrame:
@@ -78,8 +80,7 @@ def tracks(findings: Findings, run: str) -> list[Figure]:
         Figure(
             f"tracks_{run}",
             f"Run {run}: speed, load and longitudinal force of every revolution",
-            f"How was the tire loaded along the drive? Dots: each revolution for itself; line and band: filtered.{common} {rate} "
-            "Curves of long drives are drawn by the lowest and highest of each stretch.",
+            f"How was the tire loaded along the drive? {captions.loaded(revolutions, findings, run)} Dots: each revolution for itself; line and band: filtered.{common} {rate}{_thinned(time)}",
             f"peripheral speed, vertical load and longitudinal force of run {run} over time with bands and events",
             panels,
             share_x=True,
@@ -137,34 +138,43 @@ def _broken(time: np.ndarray, values: np.ndarray, gaps: np.ndarray) -> tuple[np.
 
 
 def _innovations(run: str, time: np.ndarray, evidence: pd.DataFrame, drive: dict[str, Any]) -> list[Figure]:
-    panels = []
+    panels, seen, means = [], {}, {}
     for name, words in (("rotation", "rotation"), ("load", "vertical load"), ("force", "longitudinal force")):
         nis = evidence[f"nis_{name}"].to_numpy()
         known = np.isfinite(nis)
         if not known.any():
             continue
+        seen[words], means[words] = nis[known], drive[f"nis_{name}"]
         kept = extremes(nis[known])
         marks: list[Mark] = [
-            Points(time[known][kept], np.maximum(nis[known][kept], _LEAST_NIS), "residual", "NIS"),
+            Points(time[known][kept], np.maximum(nis[known][kept], _LEAST_NIS), "residual"),
             Rule(y=LIMIT, label="95 %"),
             Rule(y=GATE, role="fault", label="gate, 0.1 %"),
         ]
-        title = f"{words}: mean {drive[f'nis_{name}']:.2f}, q = {drive[f'q_{name}']:.3g}"
+        title = f"{words}: mean {drive[f'nis_{name}']:.2f}, q = {_walk(drive[f'q_{name}'])} {_WALKS[name]}"
         panels.append(Panel(marks, TIME, Axis("NIS", "1", "log"), title))
     if not panels:
         return []
     return [
         Figure(
             f"nis_{run}",
-            f"Run {run}: is the filter consistent?",
-            "Normalised innovation squared of each revolution. Its mean is 1 where the filter's uncertainties are true; one in twenty "
-            "stands above 3.84; beyond 10.8 a revolution is left out of the track. Drawn from 0.01 on; of long drives the lowest and the "
-            "highest of each stretch.",
+            f"Run {run}: innovations of the filters",
+            f"Are the filters consistent? {captions.consistent(seen, means)} Normalised innovation squared (NIS) of each revolution, drawn from "
+            f"{_LEAST_NIS} on; beyond {GATE} a revolution is left out of the track.{_thinned(time)}",
             f"normalised innovation squared of the three filters of run {run} over time",
             panels,
             share_x=True,
         )
     ]
+
+
+def _walk(q: float) -> str:
+    """Write the intensity of a random walk with three digits."""
+    return f"{q:.0f}" if q >= 100.0 else f"{q:.3g}"
+
+
+def _thinned(time: np.ndarray) -> str:
+    return " Of each stretch the lowest and the highest are drawn." if time.size > _MOST_POINTS else ""
 
 
 def event_table(findings: Findings, run: str) -> list[Table]:
@@ -175,7 +185,7 @@ def event_table(findings: Findings, run: str) -> list[Table]:
     rows: list[list[Cell]] = [
         [
             int(row["event"]), str(row["kind"]), Value(row["time"], row["time_se"]),
-            Value(row["last"] - row["first"]), Value(row["change"]), int(row["revolutions"]),
+            round(row["last"] - row["first"], 2), round(row["change"]), int(row["revolutions"]),
             "reaches an end or a gap" if row["cut"] else "",
         ]
         for row in rows_of(events)
@@ -184,7 +194,7 @@ def event_table(findings: Findings, run: str) -> list[Table]:
         Table(
             f"events_{run}",
             f"Run {run}: events",
-            "Where the load leaves its running median, or the longitudinal force that of steady rolling, for two revolutions or more. A steering "
+            f"{captions.events(events)} Where the load leaves its running median, or the longitudinal force that of steady rolling, for two revolutions or more. A steering "
             "correction and a bump cannot be told apart by one tire: both are vertical.",
             [Column("event"), Column("kind"), Column("centre", "s"), Column("length", "s"), Column("largest change", "N"),
              Column("revolutions"), Column("")],
