@@ -114,6 +114,18 @@ def test_report_has_every_chapter_and_draws_every_run(four):
         assert {f"orbit_{run}", f"spectrum_{run}", f"filtered_{run}"} <= drawn
     assert {"load", "orbits_absolute", "residual_orbits", "full_spectrum", "thd"} <= drawn
     assert len(methods(four)) >= 6
+    told = captions(four)
+    for answer in (
+        "Yes: the backward turning part",
+        "M5, selected, leaves",
+        "Those of M5, selected, count.",
+        "Up to rho* = 0.143 ±",
+    ):
+        assert answer in told
+
+
+def captions(findings: Findings) -> str:
+    return " ".join(getattr(block, "caption", "") for section in sections(findings) for block in section.blocks)
 
 
 def test_exponential_pads_are_flagged_and_no_coefficient_is_given():
@@ -123,6 +135,11 @@ def test_exponential_pads_are_flagged_and_no_coefficient_is_given():
     for parameter in [*findings.find("kxx"), *findings.find("kyy2"), *findings.find("linear_limit")]:
         assert parameter.value is None
         assert "no quadratic law holds" in parameter.description.lower()
+    told = captions(findings)
+    assert "which is more than noise" in told
+    assert "does not hold either" in told
+    assert "No limit could be told" in told
+    assert "count." not in told
 
 
 @pytest.mark.thorough

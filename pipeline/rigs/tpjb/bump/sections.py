@@ -286,8 +286,8 @@ def _alignment(findings: Findings) -> Table:
         )
         rows.append([f"size{name}", Value(size, sd), limit, _held(size, limit)])
         side = "within" if size <= limit else "beyond"
-        answers.append(f"the tilt{name} is {1e6 * size:.3g} µrad, {side} the limit of {1e6 * limit:.3g} µrad")
-    answer = f"{'; '.join(answers).capitalize()}." if answers else "It cannot be told, see the parameters."
+        answers.append(f"tilt{name} is {1e6 * size:.3g} µrad, {side} the limit of {1e6 * limit:.3g} µrad")
+    answer = f"The {'; the '.join(answers)}." if answers else "It cannot be told, see the parameters."
     return Table(
         "alignment",
         "Tilt of the bearing against the shaft",

@@ -23,6 +23,7 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.tpjb.rotating import answers
 from pipeline.rigs.tpjb.rotating.law import COEFFICIENTS
 from pipeline.rigs.tpjb.rotating.sections_orbits import runs_in_order, title
 
@@ -49,7 +50,7 @@ def _criteria(group: str, part: pd.DataFrame, number: int) -> Table:
         state: Cell = Status("selected", "ok") if row["selected"] else ""
         rows.append(
             [
-                row["model"], int(row["n_parameters"]), float(f"{row['chi2_reduced']:.4g}"), round(float(row["bic"])),
+                row["model"], int(row["n_parameters"]), float(f"{row['chi2_reduced']:.4g}"), round(float(row["bic"] - part["bic"].min())),
                 float(f"{row['rms']:.3g}"), float(f"{row['effect']:.3g}"), _three(row["fold_margin"]),
                 _three(row["mean_shift_x"]), _three(row["mean_shift_y"]), state,
             ]
@@ -57,8 +58,8 @@ def _criteria(group: str, part: pd.DataFrame, number: int) -> Table:
     return Table(
         f"models_{number}",
         f"Models, {group}",
-        "Which law do the orbits ask for? Smallest BIC, unless the term changes the orbit by less than 1 % of the 1X. chi2 "
-        "is per degree of freedom with the noise that no smooth function of the force explains: 2 and more means that the law "
+        f"Which law do the orbits ask for? {answers.of_models(part)} The rule: smallest BIC, unless the term changes the orbit "
+        "by less than 1 % of the 1X. chi2 is per degree of freedom with the noise that no smooth function of the force explains: 2 and more means that the law "
         "does not hold. Fold margin: least det J over det K on the orbit, 1 for a linear law, 0 at the fold. Mean shift: of "
         "the orbit from the equilibrium at the largest load.",
         [
@@ -88,8 +89,8 @@ def _coefficients(group: str, part: pd.DataFrame, number: int) -> list[Table]:
             Table(
                 f"{kind.lower()}_{number}",
                 f"{kind} coefficients of every model, {group}",
-                "With standard errors (type A, under the residual of each model); those of models that do not hold mean "
-                "nothing. What cannot be told one by one stands among the parameters with its reason.",
+                f"What would each law say? {answers.of_coefficients(own, part)} Standard errors are of type A, under the residual of "
+                "each law. What cannot be told one by one stands among the parameters with its reason.",
                 [Column("model"), *(Column(name, unit) for name in names)],
                 rows,
             )
@@ -116,7 +117,7 @@ def _thd(findings: Findings) -> list[Figure]:
     high = float(findings.settings.get("thd_nonlinear", 0.05))
     over_ratio: list[Mark] = []
     over_displacement: list[Mark] = []
-    answers = []
+    limits = []
     for number, (group, part) in enumerate(told.groupby("group", sort=False)):
         if curves is not None:
             curve = curves[curves["group"] == group]
@@ -139,14 +140,16 @@ def _thd(findings: Findings) -> list[Figure]:
             where = f" at {float(load) / 1e3:.4g} kN" if isinstance(load, int | float) else ""
             short = f", {float(load) / 1e3:.4g} kN" if isinstance(load, int | float) else ""
             over_ratio.append(Rule(x=found.value, label=f"{found.value:.3g}{short}"))
-            answers.append(f"rho* = {found.value:.3g}{where}")
-    answer = "; ".join(answers) if answers else "no limit could be told, see the parameters"
+            error = f" ± {(found.ci95[1] - found.ci95[0]) / 2:.1g}" if found.ci95 else ""
+            limits.append(f"rho* = {found.value:.3f}{error}{where}")
+    answer = f"Up to {'; '.join(limits)}" if limits else "No limit could be told, see the parameters"
     return [
         Figure(
             "thd",
             "Distortion over the load ratio",
-            f"Up to which load is the bearing linear? Points: each run, with 95 % limits, what the load's own harmonics "
-            f"explain taken out; lines: the selected law under a circular load. {answer}.",
+            f"Up to which load is the bearing linear? {answer}. Points: each run, with 95 % limits, what the load's own "
+            "harmonics explain taken out; lines: the selected law under a circular load. rho* is the load ratio at which "
+            f"the THD is {100 * high:g} %.",
             "THD over load ratio and over the size of the orbit, with the limits of the verdict",
             [
                 Panel([*over_ratio, *rules], Axis("load ratio F/W", "%"), _THD, "over the load ratio"),
@@ -162,6 +165,7 @@ def _runs(findings: Findings) -> Table:
     low = float(findings.settings.get("thd_linear", 0.025))
     high = float(findings.settings.get("thd_nonlinear", 0.05))
     rows: list[list[Cell]] = []
+    words = []
     for _, row in runs_in_order(findings).iterrows():
         thd = row["thd"]
         if math.isnan(thd):
@@ -169,6 +173,7 @@ def _runs(findings: Findings) -> Table:
         else:
             word = "linear" if thd < low else "marginal" if thd <= high else "nonlinear"
             state = Status(word, "ok" if thd < low else "warning" if thd <= high else "unsaid")
+        words.append(state.word)
         rows.append(
             [
                 title(row), _three(row["turns"]), Value(None if math.isnan(thd) else float(thd), _positive(row["thd_sd"])),
@@ -179,7 +184,7 @@ def _runs(findings: Findings) -> Table:
     return Table(
         "distortion",
         "Distortion of each run",
-        "THD of what the linear bearing and the load's harmonics do not explain; misfit of a linear law (M2 of this run "
+        f"How nonlinear is each run? {answers.of_runs(words)} THD of what the linear bearing and the load's harmonics do not explain; misfit of a linear law (M2 of this run "
         "alone) over the rms orbit; change of its stiffness against the lowest ratio, where there are several; the largest distance from equilibrium.",
         [
             Column("run"), Column("turns"), Column("THD", "%"), Column("THD of the load", "%"),
@@ -195,7 +200,11 @@ def _three(value: float) -> float | None:
 
 
 _M6 = "Quadratic terms and stiffnesses of the orbits are those of M6, whichever model is selected. "
-_OF_MODEL = {"Load dependence of stiffness": _M6, "Has the film's force a potential": _M6}
+_POTENTIAL = "Has the film's force a potential"
+_OF_MODEL = {"Load dependence of stiffness": _M6, _POTENTIAL: _M6}
+_TITLES = {"T3 against T2": "Rotating load (T3) against dynamic test (T2)"}
+_HOW = "Each side with its own error; z is the difference over its standard error, correlation of both sides included; within 3 they agree. "
+_OF_UNIT = {"N/m": "stiffness", "N/m^2": "quadratic terms", "m": "static positions"}
 
 
 def of_consistency(findings: Findings) -> list[Figure | Table | Text]:
@@ -209,24 +218,26 @@ def of_consistency(findings: Findings) -> list[Figure | Table | Text]:
         for _, row in part.iterrows():
             z, holds = row["z"], row["holds"]
             state = Status.not_checkable if pd.isna(z) else Status.agrees if holds else Status.contradicts
+            if kind == _POTENTIAL and not pd.isna(z):
+                state = Status("holds", "ok") if holds else Status("does not hold", "warning")
             left = Value(None if pd.isna(row["left"]) else float(row["left"]), _positive(row["left_sd"]))
             right = Value(float(row["right"]), _positive(row["right_sd"]))
-            sides = str(row["name"]).split(" = ") if " = " in str(row["name"]) else ["rotating load", "dynamic test"]
-            rows.append([row["group"], row["name"], sides[0], left, "" if pd.isna(z) else f"{z:+.1f}", state])
-            rows.append([row["group"], row["name"], sides[1], right, "", ""])
+            rows.append([row["group"], row["name"], left, right, "" if pd.isna(z) else f"{z:+.1f}", state])
+        sides = (
+            ("left side", "right side") if part["name"].str.contains(" = ").all() else ("rotating load", "dynamic test")
+        )
         meanings = list(dict.fromkeys(part.loc[part["holds"].isin([False]), "meaning"]))
         said = " ".join(f"Where it fails: {meaning}." for meaning in meanings)
         tables.append(
             Table(
                 f"consistency_{number}",
-                str(kind),
-                f"{_OF_MODEL.get(str(kind).split(' (')[0], '') if unit != 'm' else ''}Each side with its own error; z is the difference over its "
-                f"standard error, correlation of both sides included; within 3 they agree. {said}".strip(),
+                f"{_TITLES.get(str(kind), kind)}, {_OF_UNIT.get(str(unit), unit)}",
+                f"{'Does the relation hold' if kind == _POTENTIAL else 'Do both sides agree'}? {answers.of_comparison(part)} "
+                f"{_OF_MODEL.get(str(kind).split(' (')[0], '') if unit != 'm' else ''}{_HOW if not tables else ''}{said}".strip(),
                 [
                     Column("bearing, load"),
                     Column("comparison"),
-                    Column("side"),
-                    Column("value", str(unit)),
+                    *(Column(side, str(unit)) for side in sides),
                     Column("z"),
                     Column("result"),
                 ],

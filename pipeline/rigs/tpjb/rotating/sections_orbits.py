@@ -7,6 +7,7 @@ import pandas as pd
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Figure, Line, Mark, Outline, Panel, Points
+from pipeline.rigs.tpjb.rotating import answers
 
 FORCE_X, FORCE_Y = Axis("horizontal dynamic load", "N"), Axis("vertical dynamic load", "N")
 DISPLACEMENT_X, DISPLACEMENT_Y = Axis("horizontal displacement", "m"), Axis("vertical displacement", "m")
@@ -41,24 +42,16 @@ def _of(findings: Findings, name: str, run: str) -> pd.DataFrame:
 
 def _load(findings: Findings) -> list[Figure]:
     marks: list[Mark] = []
-    worst, worst_run = 0.0, ""
     for number, (_, row) in enumerate(runs_in_order(findings).iterrows()):
         part = _of(findings, "samples", row["run"])
         part = part[part["steady"]]
         marks.append(Line(part["fx"].to_numpy(), part["fy"].to_numpy(), number, title(row)))
-        if row["circularity"] > worst:
-            worst, worst_run = float(row["circularity"]), str(row["run"])
-    answer = (
-        f"the backward turning part is at most {100 * worst:.2g} % of the load ({worst_run}); above 2 % control is poor"
-        if worst_run
-        else "the harmonics of the load were refused"
-    )
     return [
         Figure(
             "load",
             "Dynamic load",
-            f"Is the load a vector of constant size that turns evenly? All turns at full load; {answer}. "
-            "Counterpart of the paper's Figure 4.",
+            f"Is the load a vector of constant size that turns evenly? {answers.of_load(findings.arrays['runs'])} All turns at "
+            "full load. Counterpart of the paper's Figure 4.",
             "vertical over horizontal dynamic load, one circle a run",
             [Panel(marks, FORCE_X, FORCE_Y, equal=True)],
         )
@@ -92,7 +85,8 @@ def _absolute(findings: Findings) -> list[Figure]:
         Figure(
             "orbits_absolute",
             f"Orbits from the {zero}",
-            f"Where in the clearance does the stator move? All samples, still stretches and ramps included{clearance}. "
+            f"Where in the clearance does the stator move? {answers.of_place(findings.arrays['samples'], zero)} All samples, "
+            f"still stretches and ramps included{clearance}. "
             f"Zero: {zero}. Counterpart of the paper's Figure 5.",
             f"vertical over horizontal displacement of the stator against the shaft, from the {zero}",
             panels,
@@ -102,22 +96,27 @@ def _absolute(findings: Findings) -> list[Figure]:
 
 
 def _relative(findings: Findings) -> list[Figure]:
-    figures = []
+    figures: list[Figure] = []
     runs = runs_in_order(findings)
     ideal = findings.arrays.get("model_orbits")
     if ideal is None:
         return []
+    how = (
+        "Steady turns from the static equilibrium of the selected model, drift taken out, and each model under a load of "
+        "constant size about the equilibrium that its own fit found. "
+    )
     for _, row in runs.iterrows():
         part = _of(findings, "samples", row["run"])
         part = part[part["steady"]]
         several = int((runs["group"] == row["group"]).sum()) > 1
         shared = "Models share their coefficients with the other ratios at this static load. " if several else ""
+        how_to_read = f"{how}{shared}Counterpart of the paper's Figures 6, 7, 10 and 11."
         curves = ideal[ideal["run"] == row["run"]]
         panels = []
         for model in curves["model"].unique()[:_MOST_MODELS]:
             curve = curves[curves["model"] == model]
             first = curve.iloc[0]
-            rms = f", {1e6 * first['rms']:.2g} um rms" if np.isfinite(first["rms"]) else ""
+            rms = f", {1e9 * first['rms']:.0f} nm rms" if np.isfinite(first["rms"]) else ""
             chosen = ", selected" if first["selected"] else ""
             marks: list[Mark] = [
                 Points(part["x"].to_numpy(), part["y"].to_numpy(), "measured", "measured"),
@@ -128,9 +127,8 @@ def _relative(findings: Findings) -> list[Figure]:
             Figure(
                 f"orbit_{row['run']}",
                 f"Orbit of {title(row)}",
-                "Which law makes this orbit? Steady turns from the static equilibrium of the selected model, drift taken "
-                "out, and each model under a load of constant size about the equilibrium that its own fit found. "
-                f"{shared}Counterpart of the paper's Figures 6, 7, 10 and 11.",
+                f"Which law makes this orbit? {answers.of_orbit(curves)} "
+                f"{'Drawn as in the figure before.' if figures else how_to_read}",
                 f"measured orbit of {row['run']} and the orbits of the models, one panel a model",
                 panels,
                 columns=4 if len(panels) > _SHOWN_MODELS else 2,
@@ -158,8 +156,8 @@ def _residual(findings: Findings) -> list[Figure]:
         Figure(
             "residual_orbits",
             "Residual orbits of the selected model",
-            "What does the selected model leave over? Measured less model under the measured load; loops or lobes that come "
-            f"back every turn would be missing terms. At most {1e6 * largest:.2g} um rms an axis.",
+            f"What does the selected model leave over? {answers.of_residual(largest, findings.arrays.get('models'))} Measured "
+            "less model under the measured load; loops or lobes that come back every turn would be missing terms.",
             "residual displacement of each run, vertical over horizontal",
             panels,
             columns=min(len(panels), 4),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Column, Figure, Line, Mark, Panel, Points, Stems, Table, Value
+from pipeline.rigs.tpjb.rotating import answers
 from pipeline.rigs.tpjb.rotating.sections_orbits import DISPLACEMENT_X, DISPLACEMENT_Y, runs_in_order, title
 
 _ORDER = Axis("frequency over that of the load")
@@ -16,6 +19,7 @@ _SIGNALS = {
     "load": Axis("dynamic load", "N", "log"),
 }
 _MOST_RUNS = 12
+_LEAST_LOW = 0.03  # of the upper limit
 
 
 def of_spectra(findings: Findings) -> list[Figure | Table]:
@@ -40,12 +44,14 @@ def _spectra(findings: Findings) -> list[Figure]:
         for signal, axis in _SIGNALS.items():
             part, peaks = mine[mine["signal"] == signal], marked[marked["signal"] == signal]
             high = peaks["amplitude"].to_numpy() + 1.96 * peaks["sigma"].to_numpy()
-            low = np.maximum(peaks["amplitude"].to_numpy() - 1.96 * peaks["sigma"].to_numpy(), 1e-3 * high)
+            low = peaks["amplitude"].to_numpy() - 1.96 * peaks["sigma"].to_numpy()
+            low = np.where(low > _LEAST_LOW * high, low, np.nan)  # no number above 0: the bar goes to the axis
+            sure = peaks["amplitude"].to_numpy() > 3 * peaks["sigma"].to_numpy()
             marks: list[Mark] = [
                 Line(part["order"].to_numpy(), part["amplitude"].to_numpy(), "reference", "spectrum"),
                 Points(
                     peaks["order"].to_numpy(float), peaks["amplitude"].to_numpy(), "measured", "harmonics", low, high,
-                    texts=[f"{order}X" for order in peaks["order"]],
+                    texts=[f"{order}X" if told else "" for order, told in zip(peaks["order"], sure, strict=True)],
                 ),
             ]  # fmt: skip
             panels.append(Panel(marks, _ORDER, axis, axis.label))
@@ -53,9 +59,8 @@ def _spectra(findings: Findings) -> list[Figure]:
             Figure(
                 f"spectrum_{row['run']}",
                 f"Spectra of {title(row)}",
-                f"Has the orbit harmonics that the load has not? Whole turns at full load; 2X/1X is "
-                f"{100 * row['second_x']:.2g} % in x, {100 * row['second_y']:.2g} % in y and {100 * row['second_load']:.2g} % "
-                "in the load. Counterpart of the paper's Figure 8.",
+                f"Has the orbit harmonics that the load has not? {answers.of_harmonics(row)} Whole turns at full load; "
+                "harmonics that stand out of the noise are named. Counterpart of the paper's Figure 8.",
                 "amplitude over order, one panel each for x, y and the load",
                 panels,
                 columns=3,
@@ -84,7 +89,8 @@ def _full(findings: Findings) -> Figure:
     return Figure(
         "full_spectrum",
         "Full spectrum",
-        "Which way do the harmonics turn? |Z_k| of x + iy over the 1X. Forward 2X makes an orbit egg-shaped, backward 2X "
+        f"Which way do the harmonics turn? {answers.of_direction(table, _with_harmonics(findings))} Size of the complex "
+        "harmonics of x + iy over the 1X. Forward 2X makes an orbit egg-shaped, backward 2X "
         "gives it three lobes; both alike make the 2X orbit a straight line.",
         "bars of the complex orbit harmonics from -6 to 6, one panel a run",
         panels,
@@ -105,18 +111,11 @@ def _filtered(findings: Findings) -> list[Figure]:
             part = curves[curves["order"] == order]
             line = Line(part["x"].to_numpy(), part["y"].to_numpy(), "model", f"{order}X", closed=True)
             panels.append(Panel([line], DISPLACEMENT_X, DISPLACEMENT_Y, f"{order}X", equal=True))
-        openness = row["openness"]
-        said = (
-            f"The 2X orbit is {'open' if row['open'] else 'a line within its error'}: its circles differ by "
-            f"{100 * openness:.2g} % ± {196 * row['openness_sd']:.2g} %. Open above 10 %: eqs (3) and (4) only make lines."
-            if np.isfinite(openness)
-            else ""
-        )
         figures.append(
             Figure(
                 f"filtered_{row['run']}",
                 f"Filtered orbits of {title(row)}",
-                f"What are the parts of the orbit? {said} Counterpart of the paper's Figure 9.",
+                f"What are the parts of the orbit? {answers.of_filtered(row)} Counterpart of the paper's Figure 9.",
                 "raw turns and the 1X, 2X and 3X orbits",
                 panels,
                 columns=4,
@@ -138,8 +137,8 @@ def _table(findings: Findings) -> Table:
     return Table(
         "harmonics",
         "Harmonics of the orbit",
-        "Amplitudes of the displacement along x and y, with 95 % intervals from the spectrum beside each line; the last "
-        "column is the second harmonic of the load.",
+        f"How large are the harmonics? {_largest(rows)} Amplitudes of the displacement along x and y, with 95 % intervals from "
+        "the spectrum beside each line; the last column is the second harmonic of the load.",
         [
             Column("run"),
             *(Column(f"{axis} {order}X", "m") for axis in ("x", "y") for order in (1, 2, 3)),
@@ -147,3 +146,15 @@ def _table(findings: Findings) -> Table:
         ],
         rows,
     )
+
+
+def _largest(rows: Sequence[Sequence[object]]) -> str:
+    """Return the largest 2X of all runs and axes."""
+    told = [
+        (cell.value, f"{axis} of {row[0]}")
+        for row in rows
+        for cell, axis in ((row[2], "x"), (row[5], "y"))
+        if isinstance(cell, Value) and cell.value is not None
+    ]
+    size, where = max(told, default=(0.0, ""))
+    return f"The largest 2X is {1e6 * size:.3g} um, in {where}." if told else "No 2X was told."

@@ -174,8 +174,8 @@ def _dynamic_test(said: Judgement, consistency: Sequence[Consistency]) -> None:
     if compared and not any(entry.contradicts for entry in compared):
         largest = max(abs(entry.z or 0.0) for entry in compared)
         said.reasons.append(
-            f"The dynamic test gives the same stiffness: {len(compared)} coefficients, largest difference {largest:.2g} "
-            "standard errors."
+            f"The dynamic test gives the same stiffness: {len(compared)} coefficients differ by at most {largest:.1f} standard "
+            "errors."
         )
 
 
