@@ -324,8 +324,8 @@ def _clock_told(run: RunNumbers, board: str, speed: Estimate) -> str:
     clock = rate * speed.value
     own = math.sqrt(max(speed.std_error**2 - clock**2, 0.0))
     return (
-        f"standard error: {clock:.1e} rad/s for the rate of the {board} board's clock ({1e6 * rate:.0f} ppm, type B) and "
-        f"{own:.1e} from the data"
+        f"standard error: {1e3 * clock:.2g} mrad/s for the rate of the {board} board's clock ({1e6 * rate:.0f} ppm, type B) and "
+        f"{1e3 * own:.2g} mrad/s from the data"
     )
 
 

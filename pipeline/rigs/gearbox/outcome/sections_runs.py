@@ -24,6 +24,7 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.gearbox.outcome import captions
 from pipeline.rigs.gearbox.outcome import sections_many as many
 from pipeline.rigs.gearbox.outcome.paper import BRAKE, FOS, RPM, SOS, SPEEDS, STARTUP, TORQUES
 from pipeline.rigs.gearbox.outcome.sections_many import NEAR, is_many, told_shown
@@ -96,7 +97,7 @@ def of_stages(findings: Findings) -> list[Figure | Table | Text]:
         ]  # fmt: skip
     others = [str(run) for run in runs["run"] if str(run) not in shown]
     if others:
-        about = "Do all runs go through the same stages? Torques and stages as above."
+        about = f"Do all runs go through the same stages? {captions.complete(runs, [*shown, *others])} Torques and stages as above."
         figures.append(_panels(findings, "time_others", "The other runs", about, others))
     return [*figures, _events(findings), *_exchange(findings), *_clocks(findings)]
 
@@ -125,12 +126,17 @@ def _time_plot(findings: Findings, run: str) -> Figure:
     if np.isfinite(vibration).any():
         marks: list[Mark] = [*_stage_bands(findings, run, vibration), Line(time, vibration, "measured")]
         panels.append(
-            Panel(marks, TIME, Axis("acceleration, rms", "m/s^2"), f"vibration, {signals['channel'].iloc[0]}")
+            Panel(
+                marks,
+                TIME,
+                Axis("acceleration, rms", "m/s^2"),
+                f"vibration, {captions.channel(str(signals['channel'].iloc[0]))}",
+            )
         )
     return Figure(
         f"time_{run}",
         f"Run {run}: stages of the load exchange",
-        "Is the sequence complete, and where does each stage lie? Block means; colours are the stages found without labels, "
+        f"Is the sequence complete, and where does each stage lie? {captions.complete(findings.arrays['runs'], [run])} Block means; colours are the stages found without labels, "
         "vertical lines the events, flat lines the nominal torques. Torques are free of their zero offset where a standstill told it.",
         f"torques, output speed and vibration of run {run} over time with coloured stages",
         panels,
@@ -191,10 +197,11 @@ def of_values(findings: Findings) -> list[Figure | Table]:
                 Table(
                     f"values_{quantity}",
                     f"Nominal and peak {words}",
-                    "Nominal: mean over whole turns of the settled stage. Peak: maximum after a zero-phase low-pass at 20 Hz; its "
-                    "interval allows for what noise and ripple add. The paper's bench is another one: its values stand beside, they are no reference.",
+                    f"{captions.beside_paper([(row[2], row[4]) for row in rows])} Nominal: mean over whole turns of the settled stage. Peak: maximum after a zero-phase low-pass at 20 Hz; its "
+                    "interval allows for what noise and ripple add. The paper's bench is another one: its values stand beside, they are no reference. "
+                    f"{captions.type_b(findings.arrays['levels'].loc[findings.arrays['levels']['quantity'] == quantity, 'type_b'].to_list())}",
                     [Column("run"), Column("state"), Column("value", "N*m"), Column("largest raw sample", "N*m"),
-                     Column("type B", "N*m"), Column("paper", "N*m")],
+                     Column("paper", "N*m")],
                     rows,
                 )
             )  # fmt: skip
@@ -214,8 +221,7 @@ def _value_rows(findings: Findings, run: str, speed: float, quantity: str) -> li
                 else Value(row["value"])
             )
             raw = float(row["raw"]) if kind == "peak" else None
-            type_b = float(row["type_b"]) if np.isfinite(row["type_b"]) else None
-            found.append([run, state, value, raw, type_b, printed])
+            found.append([run, state, value, raw, printed])
     return found
 
 
@@ -232,7 +238,7 @@ def _events(findings: Findings) -> Table:
     return Table(
         "events",
         "Events",
-        "When things happened, on the clock of the torques; an empty cell did not happen or was not seen.",
+        f"{captions.seen(events, len(findings.arrays['runs']), list(EVENTS))} When things happened, on the clock of the torques; an empty cell did not happen or was not seen.",
         [Column("run"), *(Column(words, "s") for words in EVENTS.values())],
         rows,
     )
@@ -259,7 +265,7 @@ def _exchange(findings: Findings) -> list[Table]:
         Table(
             "exchange",
             "Unlocking and locking again",
-            "Torque that broke the lock, times to stop and to lock again, and how much the event shakes the bearing: mean square of the "
+            f"{captions.broke(findings)} Torque that broke the lock, times to stop and to lock again, and how much the event shakes the bearing: mean square of the "
             "vibration within 0.1 s of it over that of FOS.",
             [Column("run"), Column("input torque at unlock", "N*m"), Column("unlock to stop", "s"), Column("start to relock", "s"),
              Column("shake at unlock"), Column("shake at relock")],
@@ -290,7 +296,7 @@ def _clocks(findings: Findings) -> list[Table]:
         Table(
             "clocks",
             "Clocks of the boards",
-            "Shift and drift of each board against the torques, from what both see; applied where significant. A drift whose error is above "
+            f"{captions.clocks(findings.arrays['clocks'])} Shift and drift of each board against the torques, from what both see; applied where significant. A drift whose error is above "
             "1000 ppm is not shown.",
             [Column("run"), Column("board"), Column("shift", "s"), Column("drift, ppm"), Column("")],
             rows,

@@ -19,6 +19,7 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.gearbox.outcome import captions
 from pipeline.rigs.gearbox.outcome import sections_many as many
 from pipeline.rigs.gearbox.outcome.paper import TORQUES
 from pipeline.rigs.gearbox.outcome.sections_many import is_many
@@ -60,7 +61,7 @@ def of_map(findings: Findings) -> list[Figure | Table | Text]:
     figure = Figure(
         "torque_map",
         "Torque map",
-        "Does all the torque that goes in come out? A rigid locked box with drag that depends on speed alone moves along slope "
+        f"Does all the torque that goes in come out? {captions.transferred(next((p for p in slope if not p.at), None))} A rigid locked box with drag that depends on speed alone moves along slope "
         "1. A smaller slope is drag that grows with the load, or the gain of a torque sensor; this bench cannot tell which.",
         "output over input torque of all states and runs with the fitted line and a line of slope 1",
         [Panel(marks, _IN, _OUT)],
@@ -86,7 +87,7 @@ def _slopes(findings: Findings) -> list[Table]:
     return [
         Table(
             "slopes", "Slope of output over input torque, by phase",
-            "T_out = a (T_in - T_00). Equal slopes in all phases mean drag in proportion to load, or a sensor's gain.",
+            f"{captions.slopes(transfers, words)} a: output over input torque, less the input torque T_00 at which nothing comes out. Equal slopes in all phases mean drag in proportion to load, or a sensor's gain.",
             [Column("run"), *heads, Column("T_00, brake rise", "N*m")], rows,
         )
     ]  # fmt: skip
@@ -95,8 +96,8 @@ def _slopes(findings: Findings) -> list[Table]:
 def of_power(findings: Findings) -> list[Figure | Table | Text]:
     """Return the chapter on efficiency in FOS and on what becomes heat in SOS."""
     caption = (
-        "While locked, input and output turn at one speed: T_out/T_in is a power efficiency. In SOS the output stands and no power "
-        "comes out: T_out/T_in is a reaction torque ratio, not an efficiency, and all of T_in times the input speed becomes heat."
+        f"{captions.powers(findings)} While locked, input and output turn at one speed: output over input torque is a power efficiency. In SOS the output stands and no power "
+        "comes out: the same ratio is one of a reaction, no efficiency, and all of the input torque times the input speed becomes heat."
     )
     if is_many(findings):
         return [many.of_efficiency(findings, caption, _POWER), *_energy(findings)]
@@ -125,15 +126,15 @@ def _energy(findings: Findings) -> list[Table]:
         return []
     shown = shown_runs(findings)
     rows = [
-        [str(row["run"]), STAGES.get(str(row["stage"]), str(row["stage"])), row["duration"], row["work_in"], row["work_out"],
-         row["kinetic"] if row["stage"] in ("startup", "rundown") else None, row["work_in"] - row["work_out"]]
+        [str(row["run"]), STAGES.get(str(row["stage"]), str(row["stage"])), round(row["duration"], 2), round(row["work_in"], 2), round(row["work_out"], 2) + 0.0,
+         round(row["kinetic"], 2) if row["stage"] in ("startup", "rundown") else None, round(row["work_in"] - row["work_out"], 2)]
         for row in records(energy)
         if row["run"] in shown
     ]  # fmt: skip
     return [
         Table(
             "energy", "Energy balance by stage",
-            "Work over each stage; brake and release are left out, as the input speed is not known there. What goes in and does not "
+            f"{captions.burnt(energy[energy['run'].isin(shown)])} Work over each stage; brake and release are left out, as the input speed is not known there. What goes in and does not "
             "come out is drag to ground while locked (or a sensor's gain), and heat of the slipping gears in SOS.",
             [Column("run"), Column("stage"), Column("duration", "s"), Column("work in", "J"), Column("work out", "J"),
              Column("of it, to the flywheel's speed", "J"), Column("lost", "J")],
@@ -165,7 +166,7 @@ def of_inertia(findings: Findings) -> list[Figure | Table | Text]:
         blocks.append(
             Figure(
                 "load", "Output torque against inertia and drag",
-                "Do J dω/dt and drag explain the output torque while the brake is free? Means over windows of 0.8 s, weighted as in "
+                f"Do J dω/dt and drag explain the output torque while the brake is free? {captions.explained(load)} Means over windows of 0.8 s, weighted as in "
                 "the fit; start-up with FOS, then release with FOS. The model is that of all runs together.",
                 "measured and modelled output torque over time, and what is left", panels, columns=2,
             )
@@ -183,17 +184,20 @@ def _broken(time: np.ndarray) -> np.ndarray:
     return np.insert(time.astype(float), np.flatnonzero(np.diff(time) > 0.5) + 1, np.nan)
 
 
+_TREND = (
+    ("inertia_load", "inertia of the load", "kg*m^2"),
+    ("lock_torque", "lock torque", "N*m"),
+    ("slip_torque", "slip torque", "N*m"),
+    ("efficiency_fos", "efficiency in FOS", "%"),
+)
+
+
 def _trend(findings: Findings) -> list[Figure]:
     names = [str(run) for run in findings.arrays["runs"]["run"]]
     if len(names) < 2 or is_many(findings):
         return []
     panels = []
-    for name, label, unit in (
-        ("inertia_load", "inertia of the load", "kg*m^2"),
-        ("lock_torque", "lock torque", "N*m"),
-        ("slip_torque", "slip torque", "N*m"),
-        ("efficiency_fos", "efficiency in FOS", "%"),
-    ):
+    for name, label, unit in _TREND:
         found = [(k, p) for k, run in enumerate(names, 1) for p in findings.find(name, run=run) if p.value is not None]
         if not found:
             continue
@@ -211,11 +215,14 @@ def _trend(findings: Findings) -> list[Figure]:
     return [
         Figure(
             "trend", "Runs side by side",
-            "Do runs of one speed repeat, and does anything drift over the campaign? 95 % intervals; runs in the order "
+            f"Do runs of one speed repeat, and does anything drift over the campaign? {captions.repeats(findings, [(name, label) for name, label, _ in _TREND])} 95 % intervals; runs in the order "
             f"{', '.join(names)}. Lock and slip torque follow the speed as well.",
             "parameters of each run with intervals over the run's number", panels, columns=2,
         )
     ]  # fmt: skip
+
+
+_DRAGS = {"drag_locked": "drag to ground", "slip": "slip torque", "load": "drag of the load"}
 
 
 def of_friction(findings: Findings) -> list[Figure | Table | Text]:
@@ -249,7 +256,7 @@ def of_friction(findings: Findings) -> list[Figure | Table | Text]:
     return [
         Figure(
             "friction", "Friction over speed",
-            "How do drag to ground, slip torque and drag of the load depend on speed? Points are runs, bands the 95 % interval of the "
+            f"How do drag to ground, slip torque and drag of the load depend on speed? {captions.over_speed(curves, _DRAGS)} Points are runs, bands the 95 % interval of the "
             "curve. The errors of all points share that of the slope a.",
             "drag, slip torque and load drag over speed with fitted curves", panels, columns=2,
         )

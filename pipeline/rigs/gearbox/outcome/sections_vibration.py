@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Rule, Table, Text
+from pipeline.rigs.gearbox.outcome import captions
 from pipeline.rigs.gearbox.outcome.sections_runs import STAGES, of_run, records, shown_runs
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _MEMBERS = {
     "carrier_1": "input carrier", "carrier_2": "output carrier", "ring": "ring frame", "sun": "sun shaft",
@@ -27,7 +33,11 @@ def of_speeds(findings: Findings) -> list[Figure | Table | Text]:
         speeds = [row for row in records(own) if not str(row["member"]).startswith("mesh")]
         meshes = [row for row in records(own) if str(row["member"]).startswith("mesh")]
         rows: list[list[Cell]] = [
-            [_MEMBERS[str(row["member"])], row["fos"], row["sos"] if np.isfinite(row["sos"]) else None]
+            [
+                _MEMBERS[str(row["member"])],
+                round(row["fos"], 2),
+                round(row["sos"], 2) + 0.0 if np.isfinite(row["sos"]) else None,
+            ]
             for row in speeds
         ]
         source = str(own["source"].iloc[0])
@@ -48,6 +58,12 @@ def of_speeds(findings: Findings) -> list[Figure | Table | Text]:
 def of_vibration(findings: Findings) -> list[Figure | Table | Text]:
     """Return the chapter on vibration; empty where there is no log of it."""
     return [*_lines(findings), *_orders(findings), *_levels(findings)]
+
+
+def _of(findings: Findings, name: str) -> pd.DataFrame:
+    """Return the rows of the runs that are shown."""
+    table: pd.DataFrame = findings.arrays[name]
+    return table.loc[table["run"].isin(shown_runs(findings))]
 
 
 def _lines(findings: Findings) -> list[Figure]:
@@ -74,7 +90,7 @@ def _lines(findings: Findings) -> list[Figure]:
     return [
         Figure(
             "mesh_lines", "Lines of the vibration over time",
-            "Do the gears slip only in SOS and on the way there and back? Strong spectral lines (windows of 0.2 s) and the mesh lines of "
+            f"Do the gears slip only in SOS and on the way there and back? {captions.slips(_of(findings, 'stages'), _of(findings, 'ridge'))} Strong spectral lines (windows of 0.2 s) and the mesh lines of "
             "the slip s that fits them best: they vanish where the gears are locked.",
             "time and frequency of strong spectral lines with the mesh lines of both trains", panels, columns=2,
         )
@@ -102,7 +118,7 @@ def _orders(findings: Findings) -> list[Figure]:
     return [
         Figure(
             "orders", "Order spectra, locked against slipping",
-            "Which orders does the gearbox excite? Locked gears leave shaft orders only; mesh orders in FOS would be partial slip.",
+            f"Which orders does the gearbox excite? {captions.strongest(_of(findings, 'orders'))} Locked gears leave shaft orders only; mesh orders in FOS would be partial slip.",
             "amplitude spectra over the order of the shaft in FOS and SOS", panels, columns=2,
         )
     ]  # fmt: skip
@@ -117,11 +133,13 @@ def _levels(findings: Findings) -> list[Table]:
     shown = shown_runs(findings)
     for (run, channel), part in vibration[vibration["run"].isin(shown)].groupby(["run", "channel"], sort=False):
         by = {str(row["stage"]): row for row in records(part)}
-        rows.append([str(run), str(channel), *(by[s]["rms"] if s in by else None for s in stages)])
+        rows.append(
+            [str(run), captions.channel(str(channel)), *(round(by[s]["rms"], 3) if s in by else None for s in stages)]
+        )
     return [
         Table(
             "vibration", "Vibration by stage",
-            "Root mean square above 2 Hz. Crest factor and kurtosis stand in arrays/vibration.parquet.",
+            f"{captions.shaken(_of(findings, 'vibration'))} Root mean square above 2 Hz. Crest factor and kurtosis stand in arrays/vibration.parquet.",
             [Column("run"), Column("channel"), *(Column(STAGES[s], "m/s^2") for s in stages)], rows,
         )
     ]  # fmt: skip

@@ -119,7 +119,7 @@ def _from_lines(found: MeshSpeed, rate_sd: float, stated: bool) -> InputSpeed:
     clock = rate_sd * found.speed
     if clock > found.std_error:
         told += (
-            f"; the lines alone tell it to {found.std_error:.1g} rad/s, the rest of the error is the rate of the vibration "
+            f"; the lines alone tell it to {1e3 * found.std_error:.1g} mrad/s, the rest of the error is the rate of the vibration "
             f"board's clock against that of the torques ({1e6 * rate_sd:.0f} ppm)"
         )
     total = math.hypot(found.std_error, clock)

@@ -159,8 +159,8 @@ def of_lengths(findings: Findings) -> Blocks:
         ]),
         Table(
             "lengths", "Contact, deformation, slope and zero length by load and speed",
-            f"{captions.ratio([row[-1].value for row in rows if isinstance(row[-1], Value)])} Lc from the ring fit; the others read off the averaged waveform.",
-            [Column("load as set", "N"), Column("speed as set", "km/h"), Column("contact Lc", "m"), Column("deformation Ld, dip to dip", "m"),
+            f"{captions.ratio([row[-1] for row in rows if isinstance(row[-1], float)])} Lc from the ring fit; the others read off the averaged waveform.",
+            [Column("load as set", "N"), Column("speed as set", "km/h"), Column("contact Lc", "m"), Column("dip to dip Ld", "m"),
              Column("slope length", "m"), Column("zero length", "m"), Column("Ld/Lc")],
             rows,
         ),
@@ -168,14 +168,11 @@ def of_lengths(findings: Findings) -> Blocks:
     ]  # fmt: skip
 
 
-def _over(above: Parameter | None, below: Parameter | None) -> Cell:
-    """Return the ratio of two lengths with its error."""
+def _over(above: Parameter | None, below: Parameter | None) -> float | None:
+    """Return the ratio of two lengths, to what their errors warrant."""
     if above is None or below is None or not above.value or not below.value:
         return None
-    ratio = above.value / below.value
-    return Value(
-        ratio, ratio * math.hypot((above.std_error or 0.0) / above.value, (below.std_error or 0.0) / below.value)
-    )
+    return round(above.value / below.value, 2)
 
 
 def _at(findings: Findings, name: str, load: float, speed: float) -> Parameter | None:
