@@ -181,13 +181,13 @@ def _samples(tables: dict[str, pd.DataFrame]) -> list[Figure | Table | Text]:
                     )
                     mean = part.groupby("time")[outcome].mean()
                     if group == "control" and len(mean) == 1:
-                        marks.append(Rule(y=float(mean.iloc[0]), label="control's mean"))
+                        marks.append(Rule(y=float(mean.iloc[0])))
             panels.append(Panel(marks, _TIME, Axis("share of cells", "%"), outcome))
         figures.append(
             Figure(
                 f"samples{name.replace(', run ', '_')}",
                 f"Samples as counted{name}",
-                f"How far do cultures scatter, and does one stand alone? {captions.scatter(tables.get('outcomes'), own, str(run))} Each culture (or mean of cultures) as logged, the control set a little aside.",
+                f"How far do cultures scatter, and does one stand alone? {captions.scatter(tables.get('outcomes'), own, str(run))} Each culture (or mean of cultures) as logged, the control set a little aside, its mean dashed.",
                 "share of viable, necrotic and apoptotic cells of each culture over time, treated and control",
                 panels,
                 columns=min(len(panels), 3),

@@ -112,7 +112,7 @@ def _ratios(findings: Findings, run: str) -> Figure:
 def _delays(findings: Findings) -> list[Table]:
     rows: list[list[Cell]] = [
         [
-            row["run"], row["alarm"], int(row["index"]) or None, _number(row["began"], 1), _number(row["time"]),
+            row["run"], row["alarm"], int(row["index"]) or None, _number(row["time"]),
             _number(row["time"] - row["began"], 2), _number(row["logged"], 1), _number(row["delay"], 2), _VERDICTS[str(row["verdict"])],
             _number(row["removed"], 8), _stopped(row),
         ]
@@ -123,9 +123,9 @@ def _delays(findings: Findings) -> list[Table]:
         blocks.append(
             Table(
                 "alarms", "Alarms: re-derived beside logged",
-                f"{captions.alarms(findings.arrays['alarms'])} When the cause was first seen, when the alarm was due, when the device wrote its code. Removed: what the ultrafiltrate pump took "
+                f"{captions.alarms(findings.arrays['alarms'])} When the alarm was due, how long after its cause was first seen, when the device wrote its code. Removed: what the ultrafiltrate pump took "
                 "from the cause until it stopped or the cause was gone.",
-                [Column("Run"), Column("Alarm"), Column("No."), Column("Cause from", "s"), Column("Due", "s"), Column("Due after", "s"),
+                [Column("Run"), Column("Alarm"), Column("No."), Column("Due", "s"), Column("Due after", "s"),
                  Column("Logged", "s"), Column("Logged after", "s"), Column("Verdict"), Column("Removed", "mL"), Column("Pump")],
                 rows,
             )
