@@ -275,3 +275,17 @@ def test_the_maxwell_branch_from_sample_to_sample() -> None:
     latex = right_side("mre.shear_rich", "u_{i+1}").replace(r"\Delta t", "h").replace("(x_{i+1} - x_i)", "s")
     told = value(latex, {r"\tau": tau, "h": dt, "u_i": float(u[1]), "s": 2e-4})
     assert told == pytest.approx(float(u[2]), rel=1e-12)
+
+
+def test_the_force_on_the_film() -> None:
+    from pipeline.rigs.tpjb.dynamic.impedance import bearing_force
+
+    force, acceleration, tone, mass, stiffness = 900.0 - 40.0j, 3.0 + 1.0j, 21.0, 180.0, 2.4e5
+    numbers = {"F": force, "m_s": mass, "k_s": stiffness, r"\omega": 2 * math.pi * tone, "a": acceleration}
+    told = value(right_side("tpjb.dynamic", "F_b"), numbers)
+    made = bearing_force(np.full((1, 2), force), np.full((1, 2), acceleration), np.array([tone]), mass, stiffness)
+    assert made == pytest.approx(np.full((1, 2), told), rel=1e-12)
+    free = {**numbers, "F": 0.0, "a": -1.0}  # the stator alone: force over acceleration of the baseline
+    assert value(right_side("tpjb.baseline", r"\frac{F(\omega)}{a(\omega)}"), numbers) == pytest.approx(
+        value(right_side("tpjb.dynamic", "F_b"), free), rel=1e-12
+    )
