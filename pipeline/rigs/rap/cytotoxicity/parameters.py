@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pipeline.findings import Parameter
 from pipeline.findings.findings import OperatingPoint
+from pipeline.rigs.in_words import chance
 from pipeline.rigs.rap.cytotoxicity.analysis import Culture, Outcome
 from pipeline.rigs.rap.cytotoxicity.declaration import OUTCOMES, PARAMETERS, CytotoxicitySettings
 
@@ -60,7 +61,7 @@ def _determined(outcome: Outcome, control: str, i: int, at: OperatingPoint) -> P
         description=words,
         source=spec.source,
         method=f"means of {treated.n} treated and {own.n} control cultures ({_WHICH[control]}), variance pooled over all groups "
-        f"({found.dof} degrees of freedom), two one-sided tests: p = {found.p[i]:.2g}",
+        f"({found.dof} degrees of freedom), two one-sided tests, chance of so small a difference if there were one as large as the margin: {chance(found.p[i])}",
     )
 
 
