@@ -100,6 +100,8 @@ def test_findings_are_declared_and_drawn() -> None:
     assert {p.name for p in findings.parameters} == {spec.name for spec in BASELINE.parameters}
     (chapter,) = BASELINE.sections(findings)
     assert [block.name for block in chapter.blocks] == ["ratio", "ratios"]
+    assert "of 24 ratios lie on the fit" in chapter.blocks[0].caption
+    assert "None stands out of its error" in chapter.blocks[1].caption
     assert len(BASELINE.methods(findings)) == 2
 
 

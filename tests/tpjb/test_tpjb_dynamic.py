@@ -6,15 +6,18 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from dynamic_logs import NAMES, changed, conditions, found_in, logs, messages, thinned, true_value, worst_z
 
+from pipeline.findings import Findings
 from pipeline.recording import Recording, Stream
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.tpjb import truth
 from pipeline.rigs.tpjb.baseline.declaration import BaselineSettings
 from pipeline.rigs.tpjb.baseline.identify import identify as baseline
 from pipeline.rigs.tpjb.baseline.synthetic import synthesize as baseline_logs
+from pipeline.rigs.tpjb.dynamic.answers import of_added_mass
 from pipeline.rigs.tpjb.dynamic.inertia import inertia_of
 from pipeline.rigs.tpjb.dynamic.synthetic import synthesize
 from pipeline.rigs.tpjb.gains import type_a
@@ -187,7 +190,29 @@ def test_what_the_findings_hold_is_declared_and_drawn() -> None:
     } <= names
     figure = next(b for c in chapters for b in c.blocks if getattr(b, "name", "") == "stiffness_0")
     assert len(figure.panels) == 4
+    told = captions(findings)
+    for answer in (
+        "No: a constant is enough for all four",
+        "No: none stands out of its error",
+        "Yes: nothing stands out",
+    ):
+        assert answer in told
     assert len(DYNAMIC.methods(findings)) == 4
+
+
+def test_a_mass_left_in_the_stiffness_is_called_the_stators_only_where_it_is() -> None:
+    def told(xx: float, yy: float) -> str:
+        return of_added_mass(pd.DataFrame({"axes": ["xx", "yy"], "mass": [xx, yy], "std_error": 10.0}), 900.0)
+
+    assert told(890.0, 905.0).startswith("Yes, one like the stator's 900 kg")
+    assert told(495.0, 844.0).startswith("A trend like a mass, but not that of the stator")
+    assert told(-20.0, 12.0).startswith("No: none stands out")
+
+
+def captions(findings: Findings) -> str:
+    from pipeline.rigs.tpjb.dynamic.declaration import DYNAMIC
+
+    return " ".join(getattr(block, "caption", "") for part in DYNAMIC.sections(findings) for block in part.blocks)
 
 
 def test_motion_at_products_of_the_tones_is_called_nonlinear() -> None:
@@ -201,6 +226,7 @@ def test_motion_at_products_of_the_tones_is_called_nonlinear() -> None:
     findings = found_in(runs)
     assert findings.verdict == "warning"
     assert "not linear at this amplitude" in messages(findings)
+    assert "Not quite: " in captions(findings)
     assert "not linear" not in messages(found_in(logs(1)))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Column, Figure, Line, Mark, Panel, Points, Rule, Section, Table, Value
@@ -27,12 +28,13 @@ def sections(findings: Findings) -> Sequence[Section]:
         left = part["residual"].to_numpy()
         half = (part["high"] - part["low"]).to_numpy() / 2
         rest.append(Points(f, left, number, f"along {name}", left - half, left + half))
-    ratio.append(Line(curve["frequency"].to_numpy(), curve["mass"].to_numpy(), "model", "m_s - k_s/w²"))
+    ratio.append(Line(curve["frequency"].to_numpy(), curve["mass"].to_numpy(), "reference", "fit, m_s − k_s/ω²"))
     figure = Figure(
         "ratio",
         "Force over acceleration",
-        "Is the stator a mass on springs? Real part of force over acceleration at each tone with 95 % intervals (u and v set apart "
-        "for reading), the fitted m_s - k_s/w², and what it leaves. Points off the line: contact, a resonance of the bench.",
+        f"Is the stator a mass on springs? {_answer(table)} Real part of force over acceleration at each tone with 95 % intervals "
+        "(u and v set apart for reading), the fitted m_s − k_s/ω², and what it leaves. Points off the line would be contact, or a "
+        "resonance of the bench.",
         "force over acceleration against frequency with the fitted curve; below the residuals",
         [Panel(ratio, axis, Axis("Re(F/a)", "kg")), Panel([*rest, Rule(y=0.0)], axis, Axis("residual", "kg"))],
         columns=2,
@@ -47,7 +49,8 @@ def sections(findings: Findings) -> Sequence[Section]:
     listing = Table(
         "ratios",
         "Ratios of force to acceleration",
-        "The imaginary part tells damping of the hoses, or a lag between force and acceleration; it does not enter.",
+        f"Is there damping, or a lag? {_lag(table)} The imaginary part tells damping of the hoses, or a lag between force and "
+        "acceleration; it does not enter.",
         [
             Column("frequency", "Hz"),
             Column("axis"),
@@ -58,3 +61,28 @@ def sections(findings: Findings) -> Sequence[Section]:
         rows if np.isfinite(table["mass"]).all() else [],
     )
     return [Section("ratio", "Force over acceleration", [figure, listing])]
+
+
+def _answer(table: pd.DataFrame) -> str:
+    """Return how many tones lie on the fit within their intervals, and the largest that is left."""
+    left = table["residual"].to_numpy()
+    half = (table["high"] - table["low"]).to_numpy() / 2
+    known = np.isfinite(left) & np.isfinite(half)
+    if not known.any():
+        return "It cannot be told, no ratio was found."
+    on = int((np.abs(left) <= half)[known].sum())
+    most = float(np.abs(left[known]).max())
+    return (
+        f"{on} of {int(known.sum())} ratios lie on the fit within their 95 % intervals; at most {most:.2g} kg are left."
+    )
+
+
+def _lag(table: pd.DataFrame) -> str:
+    """Return how many imaginary parts stand out of their errors, and the largest."""
+    size, sd = table["imaginary"].abs().to_numpy(), table["std_error"].to_numpy()
+    known = np.isfinite(size) & np.isfinite(sd)
+    if not known.any():
+        return "It cannot be told."
+    out = int((size > 3 * sd)[known].sum())
+    most = f"the largest imaginary part is {float(size[known].max()):.2g} kg"
+    return f"In {out} of {int(known.sum())} ratios; {most}." if out else f"None stands out of its error; {most}."

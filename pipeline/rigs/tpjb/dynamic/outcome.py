@@ -71,7 +71,7 @@ def _synchronous(solution: Solution, name: str) -> Parameter:
         return _null(
             name, at, f"no tones on both sides of the shaft's {shaft:.4g} Hz (used: {span}); it would be extrapolated"
         )
-    goes = any(other.law is not None and other.law.degree > 0 for other in solution.coefficients.values())
+    goes = _goes(solution)
     law = for_intercept(entry.law, entry.laws, goes)
     (value,), (scatter,) = law.at(0.0)
     chosen = 0.0 if goes else choice_error(law, entry.laws)
@@ -88,6 +88,11 @@ def _synchronous(solution: Solution, name: str) -> Parameter:
     enough = f", where degree {entry.law.degree} would do" if law is not entry.law else ""
     text = f"order {law.degree}: polynomial of degree {law.degree} in frequency{enough} ({judged}{widened})"
     return _with_type_b(solution, _parameter(name, float(value), sd, law.noise_dof, at, text), by_mass)
+
+
+def _goes(solution: Solution) -> bool:
+    """Tell whether any coefficient goes with frequency."""
+    return any(other.law is not None and other.law.degree > 0 for other in solution.coefficients.values())
 
 
 def _doubted(solution: Solution, name: str, sd: float, k: int) -> str:
@@ -271,6 +276,7 @@ def _coefficient_rows(solution: Solution, here: dict[str, Any], tables: dict[str
             ]
         parameter = _synchronous(solution, entry.name)
         low, high = parameter.ci95 or (np.nan, np.nan)
+        read = for_intercept(entry.law, entry.laws, _goes(solution))
         tables["synchronous"].append(
             {
                 **here,
@@ -280,7 +286,7 @@ def _coefficient_rows(solution: Solution, here: dict[str, Any], tables: dict[str
                 "low": low,
                 "high": high,
             }
-            | {"degree": entry.law.degree, "chi2": entry.law.chi2, "dof": entry.law.dof, "passes": entry.law.passes}
+            | {"degree": read.degree, "chi2": read.chi2, "dof": read.dof, "passes": read.passes}
             | {"type_b_gain": None if gain is None or parameter.value is None else gain * abs(parameter.value)}
             | {"type_b_inertia": float(np.interp(shaft, solution.tones, entry.inertia))}
         )

@@ -23,6 +23,7 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.tpjb.dynamic import answers
 from pipeline.rigs.tpjb.dynamic.sections_evidence import evidence
 
 _FREQUENCY = Axis("frequency", "Hz")
@@ -53,7 +54,8 @@ def _of_point(findings: Findings, point: str, number: int) -> list[Figure | Tabl
         blocks += [_synchronous(tables["synchronous"], number, letter) for letter in "kc"]
     blocks.append(_tone_table(tables["coefficients"], number))
     if "added_mass" in tables and len(tables["added_mass"]):
-        blocks.append(_added_mass(tables["added_mass"], number))
+        stator = float(tables["inertia"]["mass"].iloc[0]) if "inertia" in tables and len(tables["inertia"]) else None
+        blocks.append(_added_mass(tables["added_mass"], number, stator))
     return blocks
 
 
@@ -68,19 +70,20 @@ def _figure(tables: dict[str, pd.DataFrame], point: str, letter: str, number: in
         ]
         taken = ""
         if "laws" in tables:
-            marks += _laws(tables["laws"][tables["laws"]["name"] == name])
+            laws = tables["laws"][tables["laws"]["name"] == name]
+            marks += _laws(laws)
+            taken = "".join(f", degree {degree}" for degree in laws.loc[laws["taken"].astype(bool), "degree"].unique())
         if "synchronous" in tables:
-            degree = tables["synchronous"].set_index("name")["degree"].get(name)
-            taken = "" if degree is None else f", degree {int(degree)}"
             here = tables["synchronous"][tables["synchronous"]["name"] == name]
             marks += _at_shaft(here)
         panels.append(Panel(marks, _FREQUENCY, Axis(f"{letter}_{axes}", unit), f"{letter}_{axes}{taken}"))
     return Figure(
         f"{what}_{number}",
         f"{what.capitalize()} over frequency",
-        f"Does {what} change with frequency, and what is it at shaft speed? Each tone with its 95 % interval (type A), constant, "
-        "line and parabola, of which the lowest that chi-square lets pass is taken, and the synchronous value where "
-        f"the shaft's frequency is marked. {point}.",
+        f"Does {what} change with frequency, and what is it at shaft speed? {answers.of_frequency(tables, letter)} Each tone "
+        "with its 95 % interval (type A), constant, line and parabola, of which the lowest that chi-square lets pass is taken, "
+        "and the synchronous value with two standard errors of type A where the shaft's frequency is marked; gains, which move "
+        f"all points alike, are not drawn. {point}.",
         f"four panels, {what} xx, xy, yx, yy against frequency with error bars and fitted curves",
         panels,
         columns=2,
@@ -112,7 +115,8 @@ def _at_shaft(here: pd.DataFrame) -> list[Mark]:
     marks: list[Mark] = [Rule(x=float(row["shaft"]), label="shaft")]
     if pd.notna(row["value"]):
         x, y = np.array([row["shaft"]], dtype=float), np.array([row["value"]], dtype=float)
-        marks.append(Points(x, y, 3, "synchronous", *_limits(here)))
+        half = 2 * np.array([row["std_error"]], dtype=float)
+        marks.append(Points(x, y, 3, "synchronous", y - half, y + half))
     return marks
 
 
@@ -129,7 +133,8 @@ def _synchronous(table: pd.DataFrame, number: int, letter: str) -> Table:
         told = pd.notna(row["value"]) and float(row["value"]) != 0.0
 
         def share(column: str, row: pd.Series = row, told: bool = told) -> float | None:
-            return abs(float(row[column]) / float(row["value"])) if told and pd.notna(row[column]) else None
+            part = abs(float(row[column]) / float(row["value"])) if told and pd.notna(row[column]) else None
+            return None if part is None else round(part, 6)
 
         judged = f"{row['chi2']:.3g}/{int(row['dof'])}" + ("" if row["passes"] else " rejected")
         shares = [share(column) for column in ("std_error", "type_b_gain", "type_b_inertia")]
@@ -138,7 +143,8 @@ def _synchronous(table: pd.DataFrame, number: int, letter: str) -> Table:
     return Table(
         f"synchronous_{what}_{number}",
         f"Synchronous {what}",
-        "Interpolated to the shaft's frequency; the interval holds all three. Type A is the scatter of the blocks; type B by gains, as "
+        f"What does the error come from? {answers.of_parts(table, letter)} Interpolated to the shaft's frequency; the interval "
+        "holds all three. Type A is the scatter of the blocks; type B by gains, as "
         "stated, scales all coefficients alike; type B by inertia is what the error of the stator's mass and stiffness does."
         f"{lag}",
         [
@@ -157,7 +163,7 @@ def _synchronous(table: pd.DataFrame, number: int, letter: str) -> Table:
 def _lag(table: pd.DataFrame) -> str:
     stiffness = table.set_index("name")["value"].astype(float)
     told = [axes for axes in ("xx", "yy") if np.isfinite(stiffness["k" + axes])]
-    late = ", ".join(f"c{axes} by {1e-6 * stiffness['k' + axes]:.3g} N s/m" for axes in told)
+    late = ", ".join(f"c{axes} by {1e-9 * stiffness['k' + axes]:.2g} kN s/m" for axes in told)
     return f" Each microsecond that the displacement comes late would raise {late}." if told else ""
 
 
@@ -172,13 +178,13 @@ def _tone_table(table: pd.DataFrame, number: int) -> Table:
     return Table(
         f"tones_{number}",
         "Coefficients at each tone",
-        "What does each tone tell by itself? Real part of H, and imaginary part over ω; type A.",
+        f"What does each tone tell by itself? {answers.of_tones(table)} Real part of H, and imaginary part over ω; type A.",
         [Column("frequency", "Hz"), *(Column(name, units[name[0]]) for name in names)],
         rows,
     )
 
 
-def _added_mass(table: pd.DataFrame, number: int) -> Table:
+def _added_mass(table: pd.DataFrame, number: int, stator: float | None) -> Table:
     rows: list[list[Cell]] = [
         [str(r["axes"]), Value(float(r["stiffness"])), Value(float(r["mass"]), float(r["std_error"]))]
         for _, r in table.iterrows()
@@ -186,7 +192,7 @@ def _added_mass(table: pd.DataFrame, number: int) -> Table:
     return Table(
         f"added_mass_{number}",
         "The same with an added mass (KCM)",
-        "Is a mass left in it? Re H = K − ω² M. An M of about plus or minus the stator's mass would say that its inertia was not, or twice, taken off; equal "
+        f"Is a mass left in it? {answers.of_added_mass(table, stator)} Re H = K − ω² M. An M of about plus or minus the stator's mass would say that its inertia was not, or twice, taken off; equal "
         "M/C in all directions would say that the displacement is late by that time.",
         [Column("entry"), Column("K", "N/m"), Column("M", "kg")],
         rows,
@@ -218,7 +224,7 @@ def _against_load(arrays: dict[str, pd.DataFrame]) -> Figure:
     return Figure(
         "loads",
         "Synchronous coefficients of all operating points",
-        f"How do the coefficients change from one operating point to the next? {listed}.",
+        f"How do the coefficients change from one operating point to the next? {answers.of_loads(table)} {listed}.",
         "synchronous stiffness and damping by operating point",
         panels,
         columns=2,

@@ -6,6 +6,7 @@ import pandas as pd
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Line, Mark, Panel, Points, Table, Text, Value
+from pipeline.rigs.tpjb.dynamic import answers
 
 
 def evidence(findings: Findings) -> list[Figure | Table | Text]:
@@ -33,7 +34,7 @@ def evidence(findings: Findings) -> list[Figure | Table | Text]:
             Table(
                 "excitation",
                 "Tones",
-                "cond(D): condition of the two displacements, 1 is best, beyond 10 they are not independent. Signal to noise of the "
+                f"Do both excitations tell both directions? {answers.of_tone_quality(table)} cond(D): condition of the two displacements, 1 is best, beyond 10 they are not independent. Signal to noise of the "
                 "displacement in one block, in dB, for the first and second excitation.",
                 [
                     Column("operating point"),
@@ -55,7 +56,7 @@ def evidence(findings: Findings) -> list[Figure | Table | Text]:
             Table(
                 "blocks",
                 "Blocks",
-                "Whole cycles of all tones, and of the shaft where the log is long enough. Blocks across a change of the excitation, or with "
+                f"How many blocks count? {int(counted['used'].sum())} of {int(counted['blocks'].sum())}. Whole cycles of all tones, and of the shaft where the log is long enough. Blocks across a change of the excitation, or with "
                 "a fault, are not used.",
                 [
                     Column("operating point"),
@@ -78,7 +79,7 @@ def _inertia(table: pd.DataFrame) -> Table:
     return Table(
         "inertia",
         "Inertia of the stator that was taken off the force",
-        "Mass and parallel stiffness as used, with standard errors where the source gives them.",
+        "What was taken off the force? Mass and parallel stiffness of the stator as used, with standard errors where the source gives them.",
         [Column("operating point"), Column("m_s", "kg"), Column("k_s", "N/m"), Column("from")],
         [
             [
@@ -118,7 +119,7 @@ def _products(arrays: dict[str, pd.DataFrame]) -> Figure:
     return Figure(
         "products",
         "Motion where a linear bearing has none",
-        "Is the bearing linear at this amplitude? Displacement at sums and differences of the tones (with tones at odd multiples of one "
+        f"Is the bearing linear at this amplitude? {answers.of_products(shares)} Displacement at sums and differences of the tones (with tones at odd multiples of one "
         f"frequency: its even multiples), beside its noise. All of it over the motion at the tones: {told}.",
         "displacement amplitude at second-order products against frequency, with the noise level",
         panels,

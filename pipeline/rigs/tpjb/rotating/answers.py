@@ -150,6 +150,6 @@ def of_comparison(part: pd.DataFrame) -> str:
     agree = int(known["holds"].astype(bool).sum())
     worst = known.iloc[int(known["z"].abs().argmax())]
     return (
-        f"In {agree} of {len(known)} cases; the largest difference is {abs(worst['z']):.1f} standard errors ({worst['name']}, "
+        f"In {agree} of {len(known)} cases; the largest difference is {abs(worst['z']):.1f} standard errors ({str(worst['name']).replace('dk', 'd k')}, "
         f"{worst['group']})."
     )

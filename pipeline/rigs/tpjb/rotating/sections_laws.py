@@ -50,7 +50,7 @@ def _criteria(group: str, part: pd.DataFrame, number: int) -> Table:
         state: Cell = Status("selected", "ok") if row["selected"] else ""
         rows.append(
             [
-                row["model"], int(row["n_parameters"]), float(f"{row['chi2_reduced']:.4g}"), round(float(row["bic"] - part["bic"].min())),
+                row["model"], int(row["n_parameters"]), round(float(row["chi2_reduced"]), 2), round(float(row["bic"] - part["bic"].min())),
                 float(f"{row['rms']:.3g}"), float(f"{row['effect']:.3g}"), _three(row["fold_margin"]),
                 _three(row["mean_shift_x"]), _three(row["mean_shift_y"]), state,
             ]
@@ -222,7 +222,16 @@ def of_consistency(findings: Findings) -> list[Figure | Table | Text]:
                 state = Status("holds", "ok") if holds else Status("does not hold", "warning")
             left = Value(None if pd.isna(row["left"]) else float(row["left"]), _positive(row["left_sd"]))
             right = Value(float(row["right"]), _positive(row["right_sd"]))
-            rows.append([row["group"], row["name"], left, right, "" if pd.isna(z) else f"{z:+.1f}", state])
+            rows.append(
+                [
+                    row["group"],
+                    str(row["name"]).replace("dk", "d k"),
+                    left,
+                    right,
+                    "" if pd.isna(z) else f"{z:+.1f}",
+                    state,
+                ]
+            )
         sides = (
             ("left side", "right side") if part["name"].str.contains(" = ").all() else ("rotating load", "dynamic test")
         )
