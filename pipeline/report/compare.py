@@ -142,8 +142,9 @@ def _chapters(one: Compared) -> list[tuple[str, str, list[Block | Figure]]]:
 
 def _causes(comparison: Comparison) -> Iterator[Block | Figure]:
     rows: list[list[Cell]] = [
-        [clean(found.what), clean(found.before) or NOTHING, clean(found.after) or NOTHING]
+        [clean(found.what), _shown(found.before), _shown(found.after)]
         for found in comparison.causes
+        if clean(found.before) != clean(found.after)
     ]
     logs = comparison.logs
     if logs.only_before or logs.only_after:

@@ -46,6 +46,17 @@ def test_numbers_that_changed_without_a_known_cause_are_said_to(findings, experi
     assert "code is another one" in page(findings, moved(findings, 1.0), experiment)
 
 
+def test_of_hashes_the_beginning_is_told(findings, experiment):
+    before, after = (
+        findings.model_copy(update={"provenance": {**findings.provenance, "recipe_sha256": digit * 64, **more}})
+        for digit, more in (("a", {}), ("b", {"uses": {}}))
+    )
+    html = page(before, after, experiment)
+    assert "a" * 12 + "…" in html
+    assert "b" * 13 not in html
+    assert ">uses<" not in html  # nothing before, nothing now
+
+
 def test_what_was_found_on_the_data_is_escaped(findings, experiment):
     bad = Quality(level="warning", run="<i>r</i>", message="<script>alert(1)</script>")
     after = findings.model_copy(update={"quality": [*findings.quality, bad], "verdict": "rejected"})
