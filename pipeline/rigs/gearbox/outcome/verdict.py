@@ -8,6 +8,7 @@ ok        none of these.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from pipeline.errors import counted, listing
@@ -133,7 +134,7 @@ def _sensors(said: Judgement, campaign: CampaignNumbers, settings: LoadExchangeS
             "unit of a torque sensor is wrong, and so is what follows from both torques."
         )
         return
-    told = f"The torque map has slope {transfer.slope:.3f} ± {half:.2g}"
+    told = f"The torque map has slope {transfer.slope:.3f} ± {half:.3f}"
     if off <= half and half > _VAGUE:
         said.warn(f"{told}: too uncertain to tell whether the box is rigid and the sensors' gains are right.")
         said.advice.append(
@@ -220,25 +221,28 @@ def _inertia(said: Judgement, campaign: CampaignNumbers) -> None:
         if isinstance(inertia := run.record.conditions.get("flywheel_inertia"), int | float)
     ]
     half = t_quantile(load.covariance.dof) * error
-    told = f"The load's inertia is {1e3 * value:.4g} ± {1e3 * half:.2g} g m2; it trades off with the gain of torque_out"
+    digits = max(0, 1 - math.floor(math.log10(1e3 * half))) if half > 0.0 and math.isfinite(half) else 2
+    told = f"The load's inertia is {1e3 * value:.{digits}f} ± {1e3 * half:.{digits}f} g m^2; it trades off with the gain of the output torque sensor"
     if not known:
         said.reasons.append(f"{told}, which a known added inertia would break.")
         said.advice.append(
-            "Repeat one run with a known added inertia: it separates the load's inertia from the gain of torque_out."
+            "Repeat one run with a known added inertia: it separates the load's inertia from the gain of the output torque sensor."
         )
         return
     low, high = min(known), max(known)
     if high > (1.0 + _ALIKE) * low:
-        said.reasons.append(f"{told}; the runs state different flywheels, {1e3 * low:.4g} to {1e3 * high:.4g} g m2.")
+        said.reasons.append(f"{told}; the runs state different flywheels, {1e3 * low:.4g} to {1e3 * high:.4g} g m^2.")
         return
     ratio, spread = value / known[0], 3.0 * error / known[0]
-    words = f"{told}: {ratio:.3f} times the flywheel's stated {1e3 * known[0]:.4g} g m2"
+    words = f"{told}: {ratio:.3f} times the flywheel's stated {1e3 * known[0]:.4g} g m^2"
     if ratio < 1.0 - _ALIKE - spread:
         said.warn(
-            f"{words}. What turns behind the sensor is more than the flywheel and not less: the gain of torque_out is "
+            f"{words}. What turns behind the sensor is more than the flywheel and not less: the gain of the output torque sensor is "
             f"{ratio:.3g} of what it should be or less, or the stated inertia is wrong."
         )
     elif ratio > 1.0 + _MORE + spread:
-        said.warn(f"{words}: shaft and coupling add little, so the gain of torque_out or the stated inertia is wrong.")
+        said.warn(
+            f"{words}: shaft and coupling add little, so the gain of the output torque sensor or the stated inertia is wrong."
+        )
     else:
         said.reasons.append(f"{words}.")
