@@ -20,8 +20,8 @@ NOTHING = "–"
 _HEIGHTS = {"long": 26, "tall": 9, "short": 0}  # rows
 PROSE_FROM = 30  # signs; such a text has a column of a readable width
 # Width of an A4 sheet and of a cell's padding in ems of the print type of "widest", "wider", "wide" and none (style.css).
-_SHEET = {"widest": (96.0, 0.7), "wider": (88.0, 0.65), "wide": (73.0, 1.05), "": (58.0, 1.7)}
-_PROSE = 13.0  # ems that a column of sentences needs
+_SHEET = {"widest": (87.5, 0.65), "wider": (79.5, 0.6), "wide": (73.0, 1.05), "": (58.0, 1.7)}
+_PROSE = 16.0  # ems that a column of sentences needs
 _SMALLER = 0.9  # type of a second line
 
 

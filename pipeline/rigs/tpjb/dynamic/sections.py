@@ -28,6 +28,11 @@ from pipeline.rigs.tpjb.dynamic.sections_evidence import evidence
 
 _FREQUENCY = Axis("frequency", "Hz")
 _AXES = ("xx", "xy", "yx", "yy")
+_HOW_DRAWN = (
+    "Each tone with its 95 % interval (type A), constant, line and parabola, of which the lowest that chi-square lets pass is "
+    "taken, and the synchronous value with two standard errors of type A where the shaft's frequency is marked; gains, which "
+    "move all points alike, are not drawn. "
+)
 _WHAT = {"k": ("stiffness", "N/m"), "c": ("damping", "N s/m")}
 
 
@@ -77,13 +82,11 @@ def _figure(tables: dict[str, pd.DataFrame], point: str, letter: str, number: in
             here = tables["synchronous"][tables["synchronous"]["name"] == name]
             marks += _at_shaft(here)
         panels.append(Panel(marks, _FREQUENCY, Axis(f"{letter}_{axes}", unit), f"{letter}_{axes}{taken}"))
+    how = "" if letter == "c" or number else _HOW_DRAWN
     return Figure(
         f"{what}_{number}",
         f"{what.capitalize()} over frequency",
-        f"Does {what} change with frequency, and what is it at shaft speed? {answers.of_frequency(tables, letter)} Each tone "
-        "with its 95 % interval (type A), constant, line and parabola, of which the lowest that chi-square lets pass is taken, "
-        "and the synchronous value with two standard errors of type A where the shaft's frequency is marked; gains, which move "
-        f"all points alike, are not drawn. {point}.",
+        f"Does {what} change with frequency, and what is it at shaft speed? {answers.of_frequency(tables, letter)} {how}{point}.",
         f"four panels, {what} xx, xy, yx, yy against frequency with error bars and fitted curves",
         panels,
         columns=2,
@@ -132,9 +135,9 @@ def _synchronous(table: pd.DataFrame, number: int, letter: str) -> Table:
     for _, row in table[table["name"].str.startswith(letter)].iterrows():
         told = pd.notna(row["value"]) and float(row["value"]) != 0.0
 
-        def share(column: str, row: pd.Series = row, told: bool = told) -> float | None:
+        def share(column: str, row: pd.Series = row, told: bool = told) -> Cell:
             part = abs(float(row[column]) / float(row["value"])) if told and pd.notna(row[column]) else None
-            return None if part is None else round(part, 6)
+            return None if part is None else "< 0.001 %" if part < 1e-5 else round(part, 5)
 
         judged = f"{row['chi2']:.3g}/{int(row['dof'])}" + ("" if row["passes"] else " rejected")
         shares = [share(column) for column in ("std_error", "type_b_gain", "type_b_inertia")]

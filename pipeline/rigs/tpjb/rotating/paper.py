@@ -38,7 +38,14 @@ def peripheral_speed(rpm: float, diameter: float) -> float:
 def _row(name: str, published: float | str | None, found: float | str | None, where: str, agrees: bool | None,
          remark: str, unit: str = "1") -> Published:  # fmt: skip
     return Published(
-        name=name, published=published, found=found, unit=unit, where=where, agrees=agrees, remark=remark, basis="paper"
+        name=name,
+        published=published,
+        found=found,
+        unit=unit,
+        where=f"section {where}" if where[:1].isdigit() else where,
+        agrees=agrees,
+        remark=remark,
+        basis="paper",
     )
 
 

@@ -44,7 +44,7 @@ def _protocol(groups: Sequence[LoadGroup]) -> list[Published]:
             published=0.01,
             found=frequency,
             unit="Hz",
-            where="2",
+            where="section 2",
             agrees=abs(frequency / 0.01 - 1.0) < 0.01,
             remark="from the angle of the force; other frequencies are no fault",
         ),
@@ -52,7 +52,7 @@ def _protocol(groups: Sequence[LoadGroup]) -> list[Published]:
             name="turns at full load in these logs",
             published="about 5; 4",
             found=_span([record.rotation.turns for record in records]),
-            where="3.1; Fig. 9b",
+            where="section 3.1; Fig. 9b",
             remark="counted from the angle of the force",
         ),
     ]
@@ -63,7 +63,7 @@ def _protocol(groups: Sequence[LoadGroup]) -> list[Published]:
                 name="load ratios in these logs",
                 published="3 to 36 %",
                 found=_span(ratios, 2, " %"),
-                where="2",
+                where="section 2",
                 remark="size of the turning force over the static load",
             )
         )
@@ -115,7 +115,7 @@ def _tilt(groups: Sequence[LoadGroup]) -> list[Published]:
                 name=f"1X ellipse turns with the load ratio, {group.label}",
                 published="not justified by a linear model",
                 found=f"tilt {tilts[0]:.1f} to {tilts[1]:.1f} (± {1.96 * sd:.1g}) deg, |Z_-1/Z_1| {shares[0]:.3f} to {shares[1]:.3f}",
-                where="4, Fig. 9a",
+                where="section 4, Fig. 9a",
                 agrees=True if abs(change) > max(2.0, 3.0 * sd) else None,
                 remark="lowest to highest ratio. The paper uses cross terms in 3.2 and calls them negligible in 4",
             )
@@ -148,7 +148,7 @@ def _phase(groups: Sequence[LoadGroup]) -> list[Published]:
             published="a few degrees, constant",
             found=f"{low:+.1f} to {high:+.1f} deg",
             unit="1",
-            where="3.2, eq. (10)",
+            where="section 3.2, eq. (10)",
             agrees=bool(high - low < 2.0),
             remark=f"{fit.name} at the largest load; phi follows from R by eqs (3), (4) and is not free. Damping is not its "
             f"cause: 3 deg at {frequency:.3g} Hz would need {damping:.1e} N s/m. A skew part (kxy - kyx)/2 of 5 % of k, or "
@@ -174,7 +174,7 @@ def _limits(groups: Sequence[LoadGroup]) -> list[Published]:
                 name=f"displacement that counts as small, {group.label}",
                 published="0.02 c good, 0.05 c: 2.5 %, practice 0.1 c",
                 found=f"THD at {text}",
-                where="1, ref. 4",
+                where="section 1, ref. 4",
                 agrees=None,
                 remark=f"{fit.name} under a circular load; the paper's limit is the error of linear coefficients of plain "
                 "bearings, THD is another measure",
@@ -202,7 +202,7 @@ def _softening(groups: Sequence[LoadGroup]) -> list[Published]:
                 name=f"change of the fitted linear kyy from {ratios} load, {group.label}",
                 published="drop up to 60 % from 5 to 30 %",
                 found=f"{100 * change:+.2g} %",
-                where="1, ref. 18",
+                where="section 1, ref. 18",
                 agrees=None,
                 remark="M2 of each run alone. A quadratic law loses about 3 eta^2/32 of its 1X stiffness: it does not explain "
                 "60 %",
@@ -232,7 +232,7 @@ def _frequency(uses: Mapping[str, Findings]) -> list[Published]:
                     name=f"stiffness over the frequency of excitation ({name})",
                     published="practically independent",
                     found=f"direct stiffness varies by up to {100 * max(changes):.2g} % over the tones",
-                    where="2",
+                    where="section 2",
                     agrees=bool(max(changes) < 0.05),
                     remark="scatter of the single tones included",
                 )
