@@ -32,6 +32,7 @@ from pipeline.rigs.experiment import Context
 from pipeline.rigs.mre.hold.synthetic import HoldTruth
 from pipeline.rigs.mre.hold.synthetic import synthesize as synthesize_hold
 from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
+from pipeline.rigs.mre.shear.samples import Series
 
 # One of 300 numbers is this many standard errors off by chance in one of seven sets; the seeds are fixed.
 _SIGMAS = 3.5
@@ -236,3 +237,19 @@ def assert_numbers_hold(found: Findings, changed_truth: Mapping[str, float]) -> 
         assert abs(p.value - true) < _SIGMAS * p.std_error, (p.name, p.at, p.value, true, p.std_error)
         checked += 1
     assert checked >= 2
+
+
+@pytest.mark.parametrize("per_cycle", [12, 66, 1000])
+def test_spikes_of_half_the_force_are_found_in_slow_and_fast_motion_and_nothing_else_is(per_cycle: int) -> None:
+    rng = np.random.default_rng(3)
+    phase = 2 * np.pi * np.arange(4000) / per_cycle
+    force = 150 * np.sin(phase) + 40 * np.sign(np.cos(phase)) + rng.normal(0, 0.5, phase.size)
+    series = Series(np.arange(4000.0), 1e-3 * np.sin(phase), force, np.ones(4000, dtype=bool))
+    assert series.without_spikes()[1] == {}
+    if per_cycle == 12:  # one sample between two others says nothing there
+        return
+    spiked = force.copy()
+    spiked[77::500] += 95 * np.sign(rng.normal(size=8))
+    kept, counts = Series(series.time, series.x, spiked, series.counts).without_spikes()
+    assert counts == {"force": 8}
+    assert np.array_equal(kept.F, np.delete(force, np.arange(77, 4000, 500)))

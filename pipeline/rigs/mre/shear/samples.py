@@ -215,7 +215,8 @@ def _spikes(values: np.ndarray) -> np.ndarray:
     padded = np.r_[values[1], values[0], values, values[-1], values[-2]]
     off = np.abs(values - np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
     low, high = np.quantile(values, [0.02, 0.98])
-    spread = 1.4826 * float(np.median(np.abs(np.diff(values)))) / np.sqrt(2)
+    # Of the second differences: in the first, a fast motion looks like noise that would hide a spike.
+    spread = 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / np.sqrt(6)
     wild = off > max(_SPIKE_SIGMA * spread, _SPIKE_SHARE * float(high - low))
     # A turning point between few samples, or a steep step, stands off on more of them.
     longest = _longest(wild)
