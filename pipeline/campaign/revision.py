@@ -79,7 +79,12 @@ class Revision:
 
         try:
             place = (self._place / path).as_posix()
-            return bytes(self._files.read_bytes(place)) if self._files.exists(place) else None
+            if not self._files.exists(place):
+                return None
+            kept = self._files.info(place).get("dvc_info")
+            if kept and not kept.get("md5"):
+                return None  # named in dvc.yaml, and never made by then
+            return bytes(self._files.read_bytes(place))
         except FileNotFoundError as error:
             raise InputError(
                 f"{path} at '{self.name}': DVC knows its hash, but its bytes are not in the cache here ({error}). "

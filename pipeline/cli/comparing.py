@@ -12,7 +12,7 @@ from pipeline.campaign.project import Project
 from pipeline.campaign.revision import PRESENT, Revision
 from pipeline.cli.findings_of import findings_of
 from pipeline.cli.saying import say
-from pipeline.errors import InputError, counted
+from pipeline.errors import InputError, counted, listing
 from pipeline.findings import Findings
 from pipeline.findings.comparison import Comparison
 from pipeline.findings.comparison import compare as held_against
@@ -115,9 +115,13 @@ def _paired(before: _Side, after: _Side) -> tuple[list[tuple[Findings, Findings]
 
 def _of_revisions(before: Revision, after: Revision) -> tuple[list[tuple[Findings, Findings]], list[str]]:
     names = list(dict.fromkeys((*before.campaigns, *after.campaigns)))
-    pairs, alone = [], []
+    pairs, alone, neither = [], [], []
     for name in names:
-        old, new = (rev.findings(name) if name in rev.campaigns else None for rev in (before, after))
+        try:
+            old, new = (rev.findings(name) if name in rev.campaigns else None for rev in (before, after))
+        except InputError as error:  # of one campaign; the others can be compared all the same
+            alone.append(f"{name}: {error}")
+            continue
         if old is not None and new is not None and old.experiment == new.experiment:
             pairs.append((old, new))
         elif old is not None and new is not None:
@@ -125,9 +129,11 @@ def _of_revisions(before: Revision, after: Revision) -> tuple[list[tuple[Finding
                 f"{name}: a campaign of {old.experiment} at {before.name}, of {new.experiment} at {after.name}."
             )
         elif old is None and new is None:
-            alone.append(f"{name}: findings at neither.")
+            neither.append(name)
         else:
             alone.append(f"{name}: findings only at {before.name if new is None else after.name}.")
+    if neither:
+        alone.append(f"{counted(len(neither), 'campaign')} without findings at either: {listing(neither, 3)}.")
     if not pairs:
         raise InputError(
             f"'{before.name}' and '{after.name}' have no campaign in common that has findings at both: {_sentences(alone)} "

@@ -109,7 +109,10 @@ def run(folder: Path, *words: str) -> None:
 def kept(project: Path) -> Path:
     """The project under Git and DVC; its first state, k1 = 100 kN/m, is called `then`."""
 
-    (project / "dvc.yaml").write_text("stages: {}\n")
+    never = "stages: {never: {cmd: 'true', outs: [reports/never/findings.json]}}\n"
+    (project / "dvc.yaml").write_text(never)
+    put(project, findings(1e5, "never"))
+    (project / "reports" / "never" / "findings.json").unlink()
     put(project, findings(1e5))
     run(project, "git", "init", "-q")
     run(project, "dvc", "init", "-q")
@@ -126,6 +129,7 @@ def test_a_revision_is_read_from_dvc_and_held_against_the_present(kept: Path, ri
         told = rigfit("compare", *words)
         assert told.status == 0, told.err
         assert "one: ok; 1 parameter changed, most k1, by -2 standard errors" in told.out
+    assert "1 campaign without findings at either: never." in told.out
     put(kept, findings(1e5, "fresh"))
     told = rigfit("compare", "then")
     assert "fresh: findings only at workspace." in told.out
