@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -25,3 +26,20 @@ def code_digest() -> str:
             content = module.read_bytes().replace(b"\r\n", b"\n")
             digest.update(f"{module.relative_to(root).as_posix()}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()
+
+
+@cache
+def code_revision() -> str:
+    """Return the last commit that changed this code, '' where it is not under Git, or changed since that commit."""
+    root = Path(pipeline.__file__).parent
+    try:
+        if _git(root, "status", "--porcelain", "--", *FLOORS):
+            return ""
+        return _git(root, "log", "-1", "--format=%H", "--", *FLOORS)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+
+
+def _git(folder: Path, *words: str) -> str:
+    done = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, check=True, timeout=20)
+    return done.stdout.strip()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from pipeline.campaign.code_digest import code_digest, code_revision
 from pipeline.campaign.project import Campaign, Project
 from pipeline.errors import InputError
 from pipeline.findings import Findings
@@ -28,8 +29,14 @@ def report(findings: Findings, experiment: Experiment, title: str, command: str,
     _refuse_foreign(findings, experiment)
     page = folder / "report.html"
     with whole_or_not(page) as partial:
-        partial.write_text(render_report(findings, experiment, title, command), encoding="utf-8")
+        made = render_report(findings, experiment, title, command, _revision(findings))
+        partial.write_text(made, encoding="utf-8")
     return page
+
+
+def _revision(findings: Findings) -> str:
+    """Return what Git calls the code of these findings, '' where it is not the code that lies here."""
+    return code_revision() if findings.provenance.get("code_sha256") == code_digest() else ""
 
 
 def _refuse_foreign(findings: Findings, experiment: Experiment) -> None:

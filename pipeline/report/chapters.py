@@ -84,15 +84,15 @@ class Chapter:
     blocks: Sequence[Block]
 
 
-def chapters(findings: Findings, experiment: Experiment, command: str) -> list[Chapter]:
+def chapters(findings: Findings, experiment: Experiment, command: str, revision: str = "") -> list[Chapter]:
     """Return all chapters of a report; empty ones are left out.
 
     Parameters
     ----------
     findings, experiment
         What was identified, and the declaration that says what is shown of it.
-    command
-        What the user typed, for whoever repeats it.
+    command, revision
+        What the user typed and Git's name of the code, for whoever repeats it.
     """
     numbers = Numbers(Naming(experiment.parameters))
     made = [
@@ -110,7 +110,7 @@ def chapters(findings: Findings, experiment: Experiment, command: str) -> list[C
         ("runs", "Runs", _runs(findings, experiment)),
         ("paper", "Checks of the paper, without these logs", _some(paper_table(findings.published))),
         ("methods", "How it was done", _methods(findings, experiment)),
-        ("repeat", "To repeat this", _repeat(findings, experiment, command)),
+        ("repeat", "To repeat this", _repeat(findings, experiment, command, revision)),
     ]
     made += [Chapter(anchor, title, list(numbers.given(blocks))) for anchor, title, blocks in tail]
     return [chapter for chapter in made if chapter.blocks]
@@ -190,9 +190,9 @@ def _methods(findings: Findings, experiment: Experiment) -> list[Block | Figure]
     return blocks
 
 
-def _repeat(findings: Findings, experiment: Experiment, command: str) -> list[Block | Figure]:
+def _repeat(findings: Findings, experiment: Experiment, command: str, revision: str) -> list[Block | Figure]:
     blocks: list[Block | Figure] = [Code("Command", _abridged(command))]
-    by_hand, known, exact = steps(findings), check(findings), versions(findings)
+    by_hand, known, exact = steps(findings), check(findings), versions(findings, revision)
     if by_hand:
         needed = (
             "the recipe, the logs and the findings used"

@@ -35,7 +35,7 @@ VERDICTS = {
 }
 
 
-def render_report(findings: Findings, experiment: Experiment, title: str, command: str) -> str:
+def render_report(findings: Findings, experiment: Experiment, title: str, command: str, revision: str = "") -> str:
     """Return the report of one campaign as the text of an HTML file.
 
     The same arguments give the same text, byte for byte.
@@ -50,8 +50,10 @@ def render_report(findings: Findings, experiment: Experiment, title: str, comman
         Heading of the report; the experiment's title where empty. The logs are named below it.
     command
         What was typed to get here, shown for whoever repeats it.
+    revision
+        Of the code that made the findings, as Git calls it; '' where it is unknown.
     """
-    made = chapters(findings, experiment, command)
+    made = chapters(findings, experiment, command, revision)
     naming = Naming(experiment.parameters)
     long = _long_signals(made)
     return page(

@@ -33,15 +33,22 @@ def check(findings: Findings) -> str:
     return f"sha256sum --check <<'END'\n{told}END" if told else ""
 
 
-def versions(findings: Findings) -> str:
-    """Return the commands that install the libraries and show which rigfit is there, '' where they are unknown."""
+def versions(findings: Findings, revision: str = "") -> str:
+    """Return the commands that get the code and the libraries and show which rigfit is there, '' where they are unknown.
+
+    Parameters
+    ----------
+    revision
+        Of the code, as Git calls it; '' where it is unknown.
+    """
     libraries = findings.provenance.get("libraries")
     code = findings.provenance.get("code_sha256")
     if not isinstance(libraries, Mapping) or not code:
         return ""
     pinned = " ".join(f"{clean(str(name))}=={clean(str(number))}" for name, number in libraries.items())
     told = f"rigfit {findings.provenance.get('rigfit')}, code {code}"
-    return f"pip install {pinned}\nrigfit --version  # says: {clean(told)}"
+    fetched = f"git checkout {revision}  # in a clone of rigfit\n" if revision else ""
+    return f"{fetched}pip install {pinned}\nrigfit --version  # says: {clean(told)}"
 
 
 def _logs(findings: Findings) -> dict[str, str]:

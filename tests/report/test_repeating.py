@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pipeline.campaign.code_digest import FLOORS
+from pipeline.campaign import report_stage
+from pipeline.campaign.code_digest import FLOORS, code_digest
 from pipeline.findings import Findings
 from pipeline.report.citation import bibtex
 from pipeline.report.repeating import check
@@ -75,6 +76,16 @@ def test_used_findings_are_checked_with_the_logs():
         campaign="road", experiment="tire.road", verdict="ok", provenance={"logs": {"r1.csv": "b" * 64}, "uses": used}
     )
     assert check(findings).splitlines()[1:3] == [f"{'a' * 64}  reports/bench/findings.json", f"{'b' * 64}  r1.csv"]
+
+
+def test_the_revision_of_the_code_is_told_only_for_findings_of_this_code(tmp_path, monkeypatch):
+    monkeypatch.setattr(report_stage, "code_revision", lambda: "0123abcd")
+    own = {"rigfit": "1", "code_sha256": code_digest(), "libraries": {"numpy": "2.0"}}
+    for provenance, told in ((own, True), ({**own, "code_sha256": "f" * 64}, False)):
+        experiment = all_experiments()["mre.shear"]
+        findings = Findings(campaign="c", experiment="mre.shear", verdict="rejected", provenance=provenance)
+        page = report_stage.report(findings, experiment, "", "rigfit", tmp_path)
+        assert ("git checkout 0123abcd" in page.read_text("utf-8")) == told
 
 
 @pytest.mark.parametrize("experiment", sorted(all_experiments()))
