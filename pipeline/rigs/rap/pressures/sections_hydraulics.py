@@ -45,15 +45,16 @@ def of_set_points(findings: Findings) -> Blocks:
     """Return the set-points used with means of the pressures, and what the paper's numbers mean there (rows 4 and 6)."""
     blocks: Blocks = []
     for run, rows in by_run(findings.arrays["levels"]):
+        always = bool(rows["turning"].all())
         cells: list[list[Cell]] = [
             [
-                "on" if r["turning"] else "off", _number(r["flow_set"]), _number(r["flow"], 0.01 * ML_MIN), _number(r["uf_set"]), _number(r["frequency"], 1e-3),
-                *(_number(r[tap], 0.01 * MMHG) for tap in ("access", "prefilter", "return", "uf", "tmp")), float(r["end"] - r["start"]),
+                *([] if always else ["on" if r["turning"] else "off"]), _number(r["flow_set"]), _number(r["flow"], 0.01 * ML_MIN), _number(r["uf_set"]), _number(r["frequency"], 1e-3),
+                *(_number(r[tap], 0.01 * MMHG) for tap in ("access", "prefilter", "return", "uf", "tmp")), float(round(r["end"] - r["start"])),
             ]
             for r in rows.to_dict("records")
         ]  # fmt: skip
         columns = [
-            Column("pump"), Column("blood flow set", "mL/min"), Column("blood flow used", "mL/min"), Column("UF set", "mL/min"), Column("strokes", "Hz"),
+            *([] if always else [Column("pump")]), Column("blood flow set", "mL/min"), Column("blood flow used", "mL/min"), Column("UF set", "mL/min"), Column("strokes", "Hz"),
             *(Column(name, "mmHg") for name in ("access", "pre-filter", "return", "UF", "TMP")), Column("steady for", "s"),
         ]  # fmt: skip
         blocks.append(
@@ -162,7 +163,8 @@ def _means(findings: Findings) -> Blocks:
             if value is not None:
                 share = value * x
                 rest = Points(x, off / share, "residual", "", (off - half) / share, (off + half) / share)
-                panels.append(Panel([Rule(y=0.0), rest], x_axis, Axis("off the line", "%"), "what it leaves"))
+                zero = Line(ends, np.zeros(2), "reference", dashed=True)  # as long as the line beside it
+                panels.append(Panel([zero, rest], x_axis, Axis("off the line", "%"), "what it leaves"))
         blocks.append(
             Figure(
                 f"resistance_{run}", f"Resistances and membrane{of_run(findings, run)}",
