@@ -128,6 +128,12 @@ def say_units(runs: SortedRuns) -> tuple[str, bool]:
         for u in runs.loops
         if u.loop is not None and u.pads is not None
     ]
+    if not moduli and runs.loops:
+        told = (
+            "Without the size of the pads nothing tells whether force and displacement are in their units: a factor 1000 (N "
+            "for kN) would pass unseen. State pad_diameter and pad_height, or hold the stiffness against what you expect."
+        )
+        runs.say("note", None, told, "force")
     if not moduli or MODULUS_RANGE[0] <= (middle := float(np.median(moduli))) <= MODULUS_RANGE[1]:
         return "", False
     low = middle < MODULUS_RANGE[0]
