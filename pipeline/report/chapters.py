@@ -135,7 +135,7 @@ class Numbers:
         """Yield the blocks with their numbers; figures are drawn."""
         for block in blocks:
             if isinstance(block, Figure):
-                yield self.naming.view(figure_view(block, next(self.figures)))
+                yield self.naming.view(figure_view(self.naming.drawn(block), next(self.figures)))
             elif isinstance(block, TableView):
                 yield self.naming.view(block.numbered(next(self.tables)))
             elif isinstance(block, Paragraphs | Listed):

@@ -12,8 +12,9 @@ from typing import TypeVar
 
 from markupsafe import Markup, escape
 
+from pipeline.findings.figures import Figure, Mark, Matrix
 from pipeline.report.figure import FigureView
-from pipeline.report.symbols import symbol_html
+from pipeline.report.symbols import symbol_html, symbol_text
 from pipeline.report.table import TableView
 from pipeline.rigs.experiment import ParameterSpec
 
@@ -45,6 +46,19 @@ class Naming:
             parts += escape(text[end : found.start()]) + self._symbols[found[0]]
             end = found.end()
         return parts + escape(text[end:])
+
+    def plain(self, text: str) -> str:
+        """Return `text` with symbols as signs without type, for labels in drawings: ``a_BW``, ``τ``."""
+        return self._found.sub(lambda found: symbol_text(self._symbols[found[0]]), text) if self._found else text
+
+    def drawn(self, figure: Figure) -> Figure:
+        """Return a figure whose tables of numbers have symbols for the names of parameters."""
+        return replace(figure, panels=[replace(one, marks=[*map(self._mark, one.marks)]) for one in figure.panels])
+
+    def _mark(self, mark: Mark) -> Mark:
+        if not isinstance(mark, Matrix):
+            return mark
+        return replace(mark, rows=[*map(self.plain, mark.rows)], columns=[*map(self.plain, mark.columns)])
 
     def view(self, view: _View) -> _View:
         """Return a figure or a table with symbols in its words; any other view as it is."""

@@ -122,6 +122,17 @@ class _Symbol:
         raise _OddSymbolError
 
 
+def symbol_text(symbol: Markup) -> str:
+    """Return what `symbol_html` made as text without type.
+
+    Examples
+    --------
+    >>> symbol_text(symbol_html("k_{MR}"))
+    'k_MR'
+    """
+    return Markup(str(symbol).replace("<sub>", "_").replace("<sup>", "^")).striptags()
+
+
 def symbol_html(latex: str) -> Markup:
     r"""Return a symbol as HTML with ``<var>``, ``<sub>`` and ``<sup>``; anything odd escaped as it stands.
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
-from pipeline.findings.figures import Axis, Column, Figure, Line, Panel, Points, Table, Value
+from pipeline.findings.figures import Axis, Column, Figure, Line, Matrix, Panel, Points, Table, Value
 from pipeline.report.figure import figure_view
 from pipeline.report.naming import Naming
 from pipeline.report.table import table_view
@@ -50,7 +50,10 @@ def test_names_of_parameters_are_set_as_symbols_and_words_stay_words():
         ParameterSpec("contact_stiffness", "k_p", "N/m", "", ""),
         ParameterSpec("rotation", r"\alpha", "rad", "", ""),
     ]
-    set_text = Naming(specs).text("rotation alpha, F/k_p < contact_stiffness, kxx2x and kxx2")
+    naming = Naming(specs)
+    drawn = naming.drawn(Figure("f", "F", "", "", [Panel([Matrix(np.eye(1), ["contact_stiffness"], ["kxx2 at 2 A"])])]))
+    assert [list(names) for names in vars(drawn.panels[0].marks[0]).values()][1:] == [["k_p"], ["k_xx2 at 2 A"]]
+    set_text = naming.text("rotation alpha, F/k_p < contact_stiffness, kxx2x and kxx2")
     k_p, k_xx2 = "<var>k</var><sub><var>p</var></sub>", "<var>k</var><sub>xx2</sub>"
     assert str(set_text) == f"rotation <var>α</var>, F/{k_p} &lt; {k_p}, kxx2x and {k_xx2}"
 
