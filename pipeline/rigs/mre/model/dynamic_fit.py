@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.estimation.estimate import Estimate, estimate
+from pipeline.estimation.estimate import Estimate
 from pipeline.estimation.scatter import Scatter
 from pipeline.rigs.mre.model.dynamic_model import HarmonicColumns, Layout, Shape
 from pipeline.rigs.mre.model.fit_errors import Errors
@@ -163,25 +163,14 @@ class DynamicFit:
         """Return the modelled force harmonics (N_F,) for the motion of a loop, lag included."""
         return self.force(loop.X, loop.frequency, loop.current)
 
-    def loop_at(self, amplitude: float, frequency: float, current: float | None = None) -> Mapping[str, float]:
-        """Return what `loop_metrics` names for a pure sine of that amplitude (m), no lag: model lines."""
-        return self._sine_metrics(amplitude, frequency, current, self.values)
+    def loop_at(self, loop: Loop, amplitude: float, frequency: float) -> Mapping[str, float]:
+        """Return what `loop_metrics` names for the motion of a loop at another amplitude (m) and frequency (Hz), no lag.
 
-    def metric_at(self, name: str, amplitude: float, frequency: float, current: float | None = None) -> Estimate:
-        """Return one of those with its error."""
-        value, sd, dof = self.errors.through(
-            lambda p: self._sine_metrics(amplitude, frequency, current, p)[name], self.values
-        )
-        return estimate(name, value, sd, dof=dof)
-
-    def _sine_metrics(
-        self, amplitude: float, frequency: float, current: float | None, values: np.ndarray
-    ) -> Mapping[str, float]:
-        X = np.zeros_like(self.loops[0].X)
-        X[0] = amplitude
-        F = self.force(X, frequency, current, values)
+        The motion keeps its harmonics: they move the loss by some per cent.
+        """
+        X = loop.X * (amplitude / loop.amplitude)
+        F = self.force(X, frequency, loop.current)
         # A lag that the data leave open is taken out of no measured loop either.
-        open_lag = self.held_lag is None and self.force_lag.value is None
-        lag = 0.0 if open_lag else float(values[4]) if self.held_lag is None else self.held_lag
-        loop = replace(self.loops[0], frequency=frequency, X=X, F=F)
-        return {e.name: float(e.value or 0.0) for e in loop_metrics(loop, force_lag=lag)}
+        lag = (self.force_lag.value or 0.0) if self.held_lag is None else self.held_lag
+        moved = replace(loop, frequency=frequency, X=X, F=F)
+        return {e.name: float(e.value or 0.0) for e in loop_metrics(moved, force_lag=lag)}

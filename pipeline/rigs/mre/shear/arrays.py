@@ -195,6 +195,8 @@ def _correlation(fit: DynamicFit | None, times: Sequence[TimeFit]) -> pd.DataFra
 def _model_lines(fit: DynamicFit | None) -> pd.DataFrame:
     """Return what the model says around the runs: over the frequency at their amplitude, and the other way round.
 
+    Each point has the shape of the motion of the run next to it.
+
     Runs of one current that differ in `over` alone share a line. Beyond `_LINES` of them there is one line
     a current, at the median of what is held (`own` is false then).
     """
@@ -206,6 +208,7 @@ def _model_lines(fit: DynamicFit | None) -> pd.DataFrame:
             "current": [levels[np.abs(levels - (loop.current or 0.0)).argmin()] for loop in fit.loops],
             "frequency": [loop.frequency for loop in fit.loops],
             "amplitude": [loop.amplitude for loop in fit.loops],
+            "loop": fit.loops,
         }
     )
     rows = []
@@ -221,7 +224,8 @@ def _model_lines(fit: DynamicFit | None) -> pd.DataFrame:
             current, kept = float(part["current"].iloc[0]), float(part[held].median())
             for value in np.geomspace(low, high, points).tolist():
                 at = {held: kept, over: value}
-                found = fit.loop_at(at["amplitude"], at["frequency"], current)
+                like = part.iloc[(part[over] - value).abs().argmin()]["loop"]
+                found = fit.loop_at(like, at["amplitude"], at["frequency"])
                 metrics = {name: found[name] for name in METRICS}
                 rows.append({"over": over, "line": number, "own": own, "current": current, **at, **metrics})
     return pd.DataFrame(rows)

@@ -282,11 +282,6 @@ def _against(findings: Findings, runs: pd.DataFrame, over: str, axis: Axis) -> F
             if own
             else f"; lines: the model at the median {other}, so points at another may lie off them without contradiction."
         )
-        if is_many(findings):
-            drawn += (
-                " The lines are for a pure sine: harmonics in the displacement move the points off them, "
-                "which the model accounts for; whether it fits tell the residuals."
-            )
     return Figure(
         f"metrics_{over}",
         f"Stiffness and damping over {over}",
