@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline.findings import Findings
@@ -14,6 +15,7 @@ from pipeline.findings.figures import Figure, Line, Points, Section, Table
 from pipeline.findings.storage import read, write
 from pipeline.recording import Channel, Recording, Stream
 from pipeline.rigs.experiment import Context
+from pipeline.rigs.mre.shear import captions
 from pipeline.rigs.mre.shear.declaration import SHEAR, ShearSettings
 from pipeline.rigs.mre.shear.residuals import field_laws
 from pipeline.rigs.mre.synthetic import synthesize_rich
@@ -140,3 +142,22 @@ def test_the_law_of_the_field_tells_whether_saturation_is_seen(k_mr: dict[float,
     findings = SHEAR.identify(SHEAR.synthesize({**SHORT, "k_mr": k_mr}, 4), ShearSettings(), Context("test", {}))
     law = field_laws(findings.parameters).set_index("name").loc["k_mr"]
     assert words in law["verdict"]
+
+
+def test_captions_answer_from_the_tables_and_say_nothing_where_nothing_is_known() -> None:
+    runs = pd.DataFrame(
+        {
+            "run": ["a", "b", "c"], "current": [0.0, 0.0, 2.0], "frequency": [5.0, 10.0, 5.0], "amplitude": 4e-4,
+            "stiffness_secant": [3e5, 4e5, 5e5], "damping": [2000.0, 1000.0, 900.0], "nrmse": [0.01, 0.03, 0.02],
+        }
+    )  # fmt: skip
+    assert captions.course(runs, "frequency") == (
+        "At 0 A, secant stiffness goes from 300 to 400 kN/m and damping from 2 to 1 kN s/m between 5 Hz (0.4 mm) and 10 Hz (0.4 mm)."
+    )
+    assert captions.course(runs, "amplitude") == ""
+    assert captions.course(runs.assign(current=np.nan), "frequency").startswith("Secant stiffness goes from ")
+    assert captions.followed(runs) == "It misses 2 % of the force's rms in the middle run, at most 3 % (run b)."
+    assert captions.followed(runs.drop(columns="nrmse")) == ""
+    loops = pd.DataFrame({"run": ["a", "a", "b"], "force": [10.0, -20.0, 5.0], "residual": [0.1, -0.2, np.nan]})
+    assert captions.missed(loops) == "At most 1 % of the largest force, 0.2 N (run a)."
+    assert captions.missed(loops.assign(residual=np.nan)) == ""

@@ -23,6 +23,7 @@ from pipeline.findings.figures import (
     Value,
 )
 from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
+from pipeline.rigs.mre.shear import captions
 from pipeline.rigs.mre.shear.sections_field import level_text, of_field
 from pipeline.rigs.mre.shear.sections_fit import of_fit
 from pipeline.rigs.mre.shear.sections_many import by_condition, is_many, means, middle, of_many
@@ -116,8 +117,8 @@ def _loops(findings: Findings) -> list[Figure]:
         Figure(
             "loops",
             "Loops",
-            f"Does the model follow the loops? Samples, and the loop of the fitted model, of {number}. A loop that looks "
-            "right proves little: see the residuals.",
+            f"Does the model follow the loops? {captions.followed(every_run)} Samples, and the loop of the fitted model, of {number}. "
+            "A loop that looks right proves little: see the residuals.",
             "force over displacement, samples and model, one panel a run",
             panels,
             columns=3 if of_many else 4 if len(panels) > 4 else 2,
@@ -130,7 +131,7 @@ def _loops(findings: Findings) -> list[Figure]:
             Figure(
                 "loop_residuals",
                 "Residual loops",
-                "What does the model miss? Measured harmonics less model over one cycle, those on the mains left out; a shape that repeats from run to "
+                f"What does the model miss? {captions.missed(loops)} Measured harmonics less model over one cycle, those on the mains left out; a shape that repeats from run to "
                 "run is the model's fault, one that does not is the run's.",
                 "residual force over displacement, one panel a run",
                 rest,
@@ -285,7 +286,7 @@ def _against(findings: Findings, runs: pd.DataFrame, over: str, axis: Axis) -> F
     return Figure(
         f"metrics_{over}",
         f"Stiffness and damping over {over}",
-        f"How do stiffness and damping change with {over}? Points with 95 % intervals: {shown}{'' if is_many(findings) else f' at its own {other}'}"
+        f"How do stiffness and damping change with {over}? {captions.course(runs, over)} Points with 95 % intervals: {shown}{'' if is_many(findings) else f' at its own {other}'}"
         f"{drawn or '.'}",
         f"secant and storage stiffness, damping and loss factor over {over}, one colour a current",
         panels,
