@@ -124,9 +124,33 @@ def _introduction(findings: Findings, compound: Compound, flux: Flux | None) -> 
     return said
 
 
+def _placed(flux: Flux | None, measured: Sequence[Increment]) -> list[tuple[float, Increment]]:
+    places = [(flux.at(one.current), one) for one in measured] if flux is not None else []
+    return [(at, one) for at, one in places if math.isfinite(at)]
+
+
+def _explained(compound: Compound, flux: Flux | None, measured: Sequence[Increment]) -> str:
+    """Say how near the forms of the theory come to what was measured, and which comes nearest."""
+    placed = _placed(flux, measured)
+    if not placed:
+        return "Not told: no increment was measured at a known flux density."
+    value, low, high = np.array([(one.value, one.low, one.high) for _, one in placed]).T
+    at = np.array([place for place, _ in placed])
+    said = {_form(lattice, n): _predicted(compound, at, lattice, n) for lattice, n in _FORMS}
+    off = {form: float(np.mean(np.abs(predicted - value))) for form, predicted in said.items()}
+    nearest = min(off, key=off.__getitem__)
+    held = int(((low <= said[nearest]) & (said[nearest] <= high)).sum())
+    number = f"the {len(placed)} measured increments" if len(placed) > 1 else "the measured increment"
+    away = 100.0 * off[nearest]
+    return (
+        f"Of its four forms {nearest} comes nearest, {away:.{1 if away < 10.0 else 0}f} percentage points off {number}"
+        f"{' on average' if len(placed) > 1 else ''}; {'none' if held == 0 else held} of the 95 % intervals "
+        f"{'hold' if held > 1 else 'holds'} its prediction."
+    )
+
+
 def _over_flux(compound: Compound, flux: Flux | None, measured: Sequence[Increment]) -> Figure:
-    placed = [(flux.at(one.current), one) for one in measured] if flux is not None else []
-    placed = [(at, one) for at, one in placed if math.isfinite(at)]
+    placed = _placed(flux, measured)
     most = max([0.8, *(1.15 * at for at, _ in placed)])
     B = np.unique(np.r_[0.0, np.geomspace(1e-4, most, 120), np.linspace(0.0, most, 160)])
     marks: list[Mark] = [
@@ -142,7 +166,7 @@ def _over_flux(compound: Compound, flux: Flux | None, measured: Sequence[Increme
     return Figure(
         "micromechanics_flux",
         "Increment over the flux density",
-        "Does the theory explain what was measured? Lines: G_m/G at small strain; points: measured increments with 95 % intervals; the theory is one of small strain. "
+        f"Does the theory explain what was measured? {_explained(compound, flux, measured)} Lines: G_m/G at small strain; points: measured increments with 95 % intervals. "
         "Without demagnetisation the powder saturates within millitesla, so the lines are flat; with it the increment grows with the square of the field, then saturates."
         + (f" {beyond} measured increments lie beyond the currents at which the flux is known." if beyond > 0 else ""),
         "predicted increment of the shear modulus over flux density for two lattices and two demagnetising factors, with measured increments",
@@ -162,7 +186,7 @@ def _beside_measured(compound: Compound, flux: Flux | None, measured: Sequence[I
     return Table(
         "micromechanics_measured",
         "Measured and predicted increments",
-        "Predicted: G_m/G in small shear at the flux density of that current, for the four forms of the model. No parameter of it was fitted.",
+        "The points of the figure in numbers. Predicted: G_m/G in small shear at the flux density of that current; no parameter of it was fitted.",
         [
             Column("measured on"),
             Column("coil current", "A"),
@@ -177,7 +201,7 @@ def _beside_measured(compound: Compound, flux: Flux | None, measured: Sequence[I
 def _over_fraction(compound: Compound, flux: Flux | None, measured: Sequence[Increment]) -> Figure:
     known = [flux.at(one.current) for one in measured] if flux is not None else []
     B = max((at for at in known if math.isfinite(at)), default=_SATURATED)
-    at = f"at {B:.3g} T" if B < _SATURATED else "saturated"
+    at = f"at {B:.3g} T" if B < _SATURATED else "in saturation"
     phi = np.linspace(0.005, CUBIC_LIMIT, 200)
     marks: list[Mark] = [
         Line(phi, _predicted(compound, B, lattice, n, phi), k, _form(lattice, n), dashed=n == 0.0)
@@ -189,11 +213,19 @@ def _over_fraction(compound: Compound, flux: Flux | None, measured: Sequence[Inc
     return Figure(
         "micromechanics_fraction",
         "Increment over the volume fraction of powder",
-        f"Which fraction serves best? G_m/G {at}. At a fixed gap the optimum is 1/sqrt(14.1) = {best_fraction('fixed_gap'):.4f}, whatever the moduli are; "
-        f"on the cubic lattice the increment rises up to the densest packing, {CUBIC_LIMIT:.4f}: it has no optimum inside.",
+        f"Which fraction serves best? At a fixed gap {best_fraction('fixed_gap'):.4f} = 1/√14.1, whatever the moduli are; on the cubic lattice none: the increment rises "
+        f"up to the densest packing, {CUBIC_LIMIT:.4f}. {_of_the_best(compound, B)} Drawn: G_m/G {at}.",
         "predicted increment over volume fraction for both lattices with the optimum of the fixed gap and the densest cubic packing marked",
         [Panel(marks, Axis("volume fraction of powder"), _INCREMENT)],
     )
+
+
+def _of_the_best(compound: Compound, B: float) -> str:
+    """Say what share of the largest increment at a fixed gap this compound's fraction gives."""
+    here, best = (
+        _predicted(compound, B, "fixed_gap", 0.0, phi) for phi in (compound.fraction, best_fraction("fixed_gap"))
+    )
+    return f"This compound's {compound.fraction:.3g} gives {100 * float(here / best):.3g} % of the most at a fixed gap."
 
 
 def _contradictions(compound: Compound) -> Table:
@@ -217,10 +249,12 @@ def _contradictions(compound: Compound) -> Table:
     rows.append(
         ["strain at which the field softens", "not told", f"{100 * zero_strain():.1f} %, and {tenth:.3f} of the increment at 10 %", Status.not_checkable]
     )  # fmt: skip
+    verdicts = [row[-1] for row in rows]
+    agree, against = verdicts.count(Status.agrees), verdicts.count(Status.contradicts)
     return Table(
         "micromechanics_contradictions",
         "The paper's claims by the paper's equations",
-        "For the compound of this campaign. Claimed: the largest effect at 0.25 to 0.30 (section 2) and a stiffening of about 65 % at 2 A (Fig. 8), where a straight "
+        f"Do the paper's equations give what the paper claims? In {agree} of {agree + against} rows, for the compound of this campaign. Claimed: the largest effect at 0.25 to 0.30 (section 2) and a stiffening of about 65 % at 2 A (Fig. 8), where a straight "
         "line to 0.8 T at 6 A gives 0.267 T. Eq. (9) of the paper is a ratio, 1 without field; told here is the increment.",
         [Column("claim"), Column("paper"), Column("by the equations"), Column("verdict")],
         rows,
