@@ -6,14 +6,15 @@ Everything on these pages stands in the code; nothing is written here a second t
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from html import escape
 from pathlib import Path
 
+from markupsafe import escape
 from settings_words import what_it_may_be
 
 from pipeline.campaign.project import recipe_template
 from pipeline.report.citation import citation
-from pipeline.report.equations import in_words, mathml
+from pipeline.report.equations import mathml
+from pipeline.report.symbols import symbols_in
 from pipeline.rigs.experiment import ConditionSpec, Equation, Experiment, Later, Range
 from pipeline.rigs.registry import all_experiments
 
@@ -167,7 +168,7 @@ def _written(value: object) -> str:
 def _equation(equation: Equation) -> Iterable[str]:
     source = f" <small>({escape(equation.source)})</small>" if equation.source else ""
     yield f'<div class="equation" tabindex="0">{mathml(equation.latex)}</div>'
-    yield f'<p class="told">{in_words(equation.about)}{source}</p>'
+    yield f'<p class="told">{escape(symbols_in(equation.about))}{source}</p>'
     yield ""
 
 

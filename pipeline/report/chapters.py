@@ -29,7 +29,7 @@ from pipeline.report.citation import bibtex, citation
 from pipeline.report.equations import Equations, equations
 from pipeline.report.figure import FigureView, figure_view
 from pipeline.report.gathered import MOST_TOLD, told
-from pipeline.report.naming import Naming
+from pipeline.report.naming import Naming, naming_of
 from pipeline.report.parameters import key_table, parameter_tables
 from pipeline.report.repeating import check, steps, versions
 from pipeline.report.table import TableView, table_view
@@ -94,7 +94,7 @@ def chapters(findings: Findings, experiment: Experiment, command: str, revision:
     command, revision
         What the user typed and Git's name of the code, for whoever repeats it.
     """
-    numbers = Numbers(Naming(experiment.parameters))
+    numbers = Numbers(naming_of(findings, experiment))
     made = [
         Chapter("key", "The numbers that matter", list(numbers.given(_key(findings, experiment)))),
         Chapter("advice", "What to do next", list(numbers.given(_next(findings, experiment)))),

@@ -43,7 +43,9 @@ def render_comparison(
     command
         What was typed, for whoever repeats it.
     """
-    numbers = Numbers(Naming(spec for one in compared for spec in one.experiment.parameters))
+    both = [findings for one in compared for findings in (one.comparison.before, one.comparison.after)]
+    specs = (spec for one in compared for spec in one.experiment.parameters)
+    numbers = Numbers(Naming(specs, (run.run for findings in both for run in findings.runs)))
     single = len(compared) == 1 and not alone
     made: list[tuple[str, str, list[Block | Figure]]] = []
     if not single:

@@ -9,13 +9,13 @@ from typing import ClassVar
 
 from markupsafe import Markup, escape
 
+from pipeline.report.symbols import symbols_in
 from pipeline.rigs.experiment import Equation
 
 # A word in an index is a name and stands upright; indices such as xx are pairs of directions.
 _INDEX = re.compile(r"_\{([A-Za-z]+(?:,[A-Za-z]+)*)\}")
 # The size of something: without fences the bars are set as operators, with gaps.
 _SIZE = re.compile(r"\|([^|]+)\|")
-_IN_TEXT = re.compile(r"\b(Δ?[A-Za-z]\w{0,1})_(\w+(?:,\w+)?)")
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Equations:
 
 def equations(declared: Sequence[Equation]) -> Equations:
     """Return what the page shows of an experiment's equations."""
-    return Equations([EquationView(mathml(e.latex), in_words(e.about), e.source) for e in declared])
+    return Equations([EquationView(mathml(e.latex), escape(symbols_in(e.about)), e.source) for e in declared])
 
 
 def mathml(latex: str, display: bool = True) -> Markup:
@@ -46,17 +46,6 @@ def mathml(latex: str, display: bool = True) -> Markup:
 
     fenced = _SIZE.sub(r"\\left|\1\\right|", _INDEX.sub(_upright, latex))
     return Markup(convert(fenced, display="block" if display else "inline"))
-
-
-def in_words(about: str) -> Markup:
-    """Return a sentence whose symbols, ``k_MR`` or ``L_c``, stand as symbols do.
-
-    Examples
-    --------
-    >>> str(in_words("L_c & more"))
-    '<var>L</var><sub>c</sub> &amp; more'
-    """
-    return Markup(_IN_TEXT.sub(r"<var>\1</var><sub>\2</sub>", str(escape(about))))
 
 
 def _upright(index: re.Match[str]) -> str:

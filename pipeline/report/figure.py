@@ -20,6 +20,7 @@ from pipeline.report.labels import Key, ends, keys
 from pipeline.report.palette import Style, style
 from pipeline.report.panel import Frame, draw_panel, draw_thumbnail, drawing, title_lines, y_label_lines
 from pipeline.report.scale import Scale, equal, extent, scale, unit_for
+from pipeline.report.symbols import symbols_in
 from pipeline.report.texts import room_over
 from pipeline.report.words import clean, text_width, typeset
 from pipeline.report.zoom import Signal, signals
@@ -227,7 +228,8 @@ def key_markup(entries: Sequence[Key]) -> Markup:
     if not entries:
         return Markup()
     items = Markup().join(
-        Markup("<li>{}<span>{}</span></li>").format(_swatch(entry, style(entry.role)), entry.label) for entry in entries
+        Markup("<li>{}<span>{}</span></li>").format(_swatch(entry, style(entry.role)), symbols_in(entry.label))
+        for entry in entries
     )
     return Markup('<ul class="key">{}</ul>').format(items)
 

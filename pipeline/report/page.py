@@ -18,7 +18,7 @@ from pipeline.report.chapters import Chapter, chapters
 from pipeline.report.citation import citation
 from pipeline.report.figure import FigureView
 from pipeline.report.gathered import told
-from pipeline.report.naming import Naming
+from pipeline.report.naming import naming_of
 from pipeline.report.palette import css_variables
 from pipeline.report.words import clean, harmless, shortened
 from pipeline.report.zoom import Zoom, zoom
@@ -54,7 +54,7 @@ def render_report(findings: Findings, experiment: Experiment, title: str, comman
         Of the code that made the findings, as Git calls it; '' where it is unknown.
     """
     made = chapters(findings, experiment, command, revision)
-    naming = Naming(experiment.parameters)
+    naming = naming_of(findings, experiment)
     long = _long_signals(made)
     return page(
         "report.html.j2",

@@ -6,15 +6,25 @@ Works on the parsed tree, so nothing that stands in a text can be taken for mark
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from xml.etree import ElementTree
 
 from markupsafe import Markup
 
 from pipeline.report.palette import css_colour
+from pipeline.report.symbols import symbols_in
 
 _COLOURED = ("fill", "stroke")
 _DROPPED_STYLES = ("font-family", "stroke-linejoin", "stroke-linecap", "font-style")
 _DOT = re.compile(r"M([^ ]+ [^ ]+) \1(?=M|$)")
+_PIECE = re.compile(r"(?:<(var|sub|sup)>)?([^<]+)(?:</\w+>)?")
+# How a piece of a text is drawn, and how far below the line, in the size of the text.
+_PIECES: Mapping[str, tuple[Mapping[str, str], float]] = {
+    "": ({}, 0.0),
+    "var": ({"font-style": "italic"}, 0.0),
+    "sub": ({"font-size": ".75em"}, 0.24),
+    "sup": ({"font-size": ".75em"}, -0.36),
+}
 _NUMBER = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
 
 
@@ -29,6 +39,8 @@ def inline(svg: str, title: str = "", description: str = "", name: str = "") -> 
     view = root.get("viewBox", "")
     _strip(root)
     _lighten(root)
+    for written in root.iter("text"):
+        _set_symbols(written)
     root.attrib = {"class": "panel", "viewBox": view, "focusable": "false"}
     if title:
         root.attrib |= {"role": "img", "aria-labelledby": f"{name}-title", "aria-describedby": f"{name}-desc"}
@@ -70,6 +82,22 @@ def _lighten(element: ElementTree.Element) -> None:
         elif len(child) or child.tag not in ("g", "defs"):
             children.append(child)
     element[:] = children
+
+
+def _set_symbols(element: ElementTree.Element) -> None:
+    """Set symbols and powers in a text as such: the letter slanted, its index small and lower."""
+    written = symbols_in(element.text or "")
+    if not isinstance(written, Markup):
+        return
+    element.text, drop = "", 0.0
+    for tag, plain in _PIECE.findall(written):
+        attributes, shift = dict(_PIECES[tag][0]), _PIECES[tag][1]
+        size = float(attributes.get("font-size", "1em").removesuffix("em"))
+        if shift != drop:
+            attributes["dy"] = f"{(shift - drop) / size:.2f}em"
+            drop = shift
+        piece = ElementTree.SubElement(element, "tspan", attributes)
+        piece.text = Markup(plain).unescape()
 
 
 def _shorten_attributes(element: ElementTree.Element) -> None:

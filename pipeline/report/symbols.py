@@ -6,6 +6,7 @@ What it does not understand is shown as it stands, escaped.
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 
 from markupsafe import Markup, escape
 
@@ -31,6 +32,12 @@ _ACCENTS = {
 }  # fmt: skip
 _UPRIGHT = {"mathrm", "text", "textrm", "operatorname", "rm"}
 _AS_IT_IS = {"mathit", "mathsf", "mathcal", "boldsymbol", "mathbf", "bf"}
+# A letter with an index, as papers write it where there is no type: k_xx, Δp_f, T_C2. Names of channels and files are longer or quoted.
+_INDEXED = (
+    r"(?<![\w.'\"])(?P<base>Δ?[A-Za-zΑ-Ωα-ω]\d?)_(?P<index>[A-Za-z0-9]{1,3}(?:,[A-Za-z0-9]{1,2})?)(?![\w'\"]|\.\w)"
+)
+_RAISED = r"(?<=[\w)])\^(?P<power>[-−]?\d+(?:\.\d+)?)(?![\w]|\.\d)"
+_WRITTEN = re.compile(f"{_INDEXED}|{_RAISED}")
 _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|[A-Za-z]+|\d+(?:\.\d+)?|\s+|.", re.DOTALL)
 _DEEPEST = 12
 
@@ -120,6 +127,29 @@ class _Symbol:
         if name.isalpha():  # \max, \log: a name, upright
             return escape(name)
         raise _OddSymbolError
+
+
+def symbols_in(text: str, names: Collection[str] = ()) -> str:
+    """Return running text with its symbols and powers set as such, as `Markup` where it holds any; `names` are none.
+
+    Examples
+    --------
+    >>> str(symbols_in("L_c & N/s^1.5 of flex_voltage"))
+    '<var>L</var><sub>c</sub> &amp; N/s<sup>1.5</sup> of flex_voltage'
+    """
+    if isinstance(text, Markup):
+        return text
+    parts, end = Markup(), 0
+    for found in _WRITTEN.finditer(text):
+        if found[0] in names:
+            continue
+        parts += escape(text[end : found.start()])
+        if found["base"]:
+            parts += Markup("<var>{}</var><sub>{}</sub>").format(found["base"], found["index"])
+        else:
+            parts += Markup("<sup>{}</sup>").format(found["power"].replace("-", "−"))
+        end = found.end()
+    return parts + escape(text[end:]) if end else text
 
 
 def symbol_text(symbol: Markup) -> str:

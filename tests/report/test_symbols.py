@@ -1,11 +1,17 @@
 """Symbols of the papers as HTML."""
 
+import re
+
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from markupsafe import escape
 
-from pipeline.report.symbols import symbol_html
+from pipeline.findings.figures import Axis, Figure, Line, Panel
+from pipeline.report.figure import figure_view
+from pipeline.report.naming import Naming
+from pipeline.report.symbols import symbol_html, symbols_in
 
 
 @pytest.mark.parametrize(
@@ -47,3 +53,32 @@ def test_no_text_can_bring_in_markup(text):
         html = html.replace(allowed, "")
     assert "<" not in html
     assert ">" not in html
+
+
+@pytest.mark.parametrize(
+    ("text", "html"),
+    [
+        ("P_pre & d_max", "<var>P</var><sub>pre</sub> &amp; <var>d</var><sub>max</sub>"),
+        ("Δp_f, V_p,n", "<var>Δp</var><sub>f</sub>, <var>V</var><sub>p,n</sub>"),
+        ("µV/Hz^0.5, K^-1", "µV/Hz<sup>0.5</sup>, K<sup>−1</sup>"),
+    ],
+)
+def test_symbols_and_powers_in_running_text_are_set_as_such(text, html):
+    assert str(escape(symbols_in(text))) == html
+
+
+@pytest.mark.parametrize("text", ["n_pads", "ax_0", "a2_in_phase", "x_1.csv", "column 'F_x'", "e^(i n)", "run r_1"])
+def test_names_of_files_channels_and_runs_stay_as_they_are(text):
+    assert Naming((), ["r_1"]).text(text) == text
+    assert not hasattr(Naming((), ["r_1"]).text(text), "__html__")
+
+
+def test_symbols_in_a_drawing_have_an_index_and_runs_have_none():
+    line = Line(np.array([0.0, 1.0]), np.array([0.0, 1.0]), "model", "k_xx")
+    figure = Figure("f", "Title", "", "", [Panel([line], Axis("time", "s"), Axis("k_xx", "N/m"), "run r_1")])
+    view = figure_view(Naming((), ["r_1"]).drawn(figure), 1)
+    svg = str(view.grids[0][1][0])
+    assert re.search(
+        r'<tspan font-style="italic">k</tspan><tspan [^>]*dy="0.32em">xx</tspan><tspan dy="-0.24em"> \(', svg
+    )
+    assert ">run r_\u20601</text>" in svg

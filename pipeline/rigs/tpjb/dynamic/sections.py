@@ -28,6 +28,7 @@ from pipeline.rigs.tpjb.dynamic.sections_evidence import evidence
 
 _FREQUENCY = Axis("frequency", "Hz")
 _AXES = ("xx", "xy", "yx", "yy")
+_WHAT_BARS_ARE = "Bars are of type A; what gains add, which move all points alike, is in the numbers told here. "
 _HOW_DRAWN = (
     "Each tone with its 95 % interval (type A), constant, line and parabola, of which the lowest that chi-square lets pass is "
     "taken, and the synchronous value with two standard errors of type A where the shaft's frequency is marked; gains, which "
@@ -71,7 +72,13 @@ def _figure(tables: dict[str, pd.DataFrame], point: str, letter: str, number: in
         name = letter + axes
         part = tables["coefficients"][tables["coefficients"]["name"] == name]
         marks: list[Mark] = [
-            Points(part["frequency"].to_numpy(), part["value"].to_numpy(), "measured", "measured, 95 %", *_limits(part))
+            Points(
+                part["frequency"].to_numpy(),
+                part["value"].to_numpy(),
+                "measured",
+                "measured, 95 % (type A)",
+                *_limits(part),
+            )
         ]
         taken = ""
         if "laws" in tables:
@@ -82,7 +89,7 @@ def _figure(tables: dict[str, pd.DataFrame], point: str, letter: str, number: in
             here = tables["synchronous"][tables["synchronous"]["name"] == name]
             marks += _at_shaft(here)
         panels.append(Panel(marks, _FREQUENCY, Axis(f"{letter}_{axes}", unit), f"{letter}_{axes}{taken}"))
-    how = "" if letter == "c" or number else _HOW_DRAWN
+    how = _WHAT_BARS_ARE if letter == "c" or number else _HOW_DRAWN
     return Figure(
         f"{what}_{number}",
         f"{what.capitalize()} over frequency",
