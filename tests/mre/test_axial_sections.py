@@ -87,6 +87,51 @@ def test_every_campaign_has_chapters_and_methods(told: tuple[str, Findings]) -> 
     assert ("averaged" in " ".join(paragraphs)) is (kind == "repeats")
 
 
+@pytest.fixture(scope="module")
+def example() -> Findings:
+    return found(*press(1))
+
+
+def captions(campaign: Findings) -> dict[str, str]:
+    blocks = [b for chapter in AXIAL.sections(campaign) for b in chapter.blocks if isinstance(b, Figure | Table)]
+    return {block.name: block.caption for block in blocks}
+
+
+def test_captions_answer_with_the_numbers_of_the_campaign(example: Findings) -> None:
+    told = captions(example)
+    secant = example.one("stiffening_secant", coil_current=2.0)
+    assert secant.value is not None
+    assert f"At 2 A by {100 * secant.value:.2f} % (95 %: " in told["over_current"]
+    assert "It misses at most 1.1 % of the force (rms, run ax_0)" in told["loops"]
+    assert "At 0 A the secant lies 1.4 % below it" in told["loops"]
+    assert "independent from sample to sample" in told["loop_residuals"]
+    assert "every sample counts" in told["motion"]
+    assert "Yes, within rounding" in told["gauge"]
+    assert "Of the loading work 26." in told["stiffness"]
+    assert "N) at 2 A. It builds up over 1/ρ = 4" in told["model"]
+
+
+def test_captions_of_a_campaign_that_tells_nothing_say_why(example: Findings) -> None:
+    gone = {"value": None, "std_error": None, "ci95": None, "description": "it: the loop is rejected."}
+    open_ = [p.model_copy(update=gone) for p in example.parameters]
+    half = [p if p.name.startswith("stiffness") else q for p, q in zip(example.parameters, open_, strict=True)]
+    assert (
+        "Not told: the loop is rejected. " in captions(example.model_copy(update={"parameters": half}))["over_current"]
+    )
+    runs = example.arrays["runs"].assign(effective=[300.0, 1200.0], motion=["constant rate", "changing rate"])
+    samples = example.arrays["samples"]
+    samples = samples.assign(reading=samples["reading"] + 2e-5 * (samples["time"] > 100))
+    told = captions(
+        example.model_copy(update={"parameters": open_, "arrays": {**example.arrays, "runs": runs, "samples": samples}})
+    )
+    for name in ("stiffness", "model"):
+        assert "Not told: the loop is rejected. " in told[name]
+    assert "the secant lies" not in told["loops"]
+    assert "Not only: neighbours are alike, most in run ax_0, whose 1196 samples count as 300" in told["loop_residuals"]
+    assert "of run ax_0 300 of 1196 samples count" in told["motion"]
+    assert "Not everywhere: the reading of ax_0 is up to 24 µm off it, 16 % of the samples" in told["gauge"]
+
+
 def test_theory_line_stands_in_every_loop_with_the_shape_remark(tmp_path: Path) -> None:
     recordings = press(1)
     campaign = from_disk(found(*recordings), recordings, tmp_path)

@@ -23,6 +23,8 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.mre.axial import captions
+from pipeline.rigs.mre.axial.captions import place
 from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
 
 _D, _F = Axis("compression", "m"), Axis("force", "N")
@@ -30,9 +32,9 @@ _PANELS = 12
 _STIFFNESSES = {"stiffness_secant": "secant", "stiffness_slope": "slope"}
 _MODEL = {
     "stiffness": Column("k", "N/m"),
-    "stiffness_cubic": Column("k3", "N/m^3"),
-    "alpha": Column("alpha", "N"),
-    "rho": Column("rho", "1/m"),
+    "stiffness_cubic": Column("k_3", "N/m^3"),
+    "alpha": Column("α", "N"),
+    "rho": Column("ρ", "1/m"),
 }
 
 
@@ -56,11 +58,6 @@ def _current(p: Parameter) -> float | None:
     return float(value) if isinstance(value, float | int) else None
 
 
-def _place(p: Parameter) -> str:
-    current = _current(p)
-    return f"{current:g} A" if current is not None else str(p.at.get("run", "all"))
-
-
 def _loops(findings: Findings) -> list[Figure | Table | Text]:
     runs, samples, loops = (findings.arrays[name] for name in ("runs", "samples", "loops"))
     shown = runs.head(_PANELS)
@@ -76,14 +73,16 @@ def _loops(findings: Findings) -> list[Figure | Table | Text]:
         panels.append(Panel(marks, _D, _F, _title(row)))
         rest.append(Panel([Points(x, cloud["residual"].to_numpy(float), "residual"), Rule(y=0.0)], _D, _F, _title(row)))
     number = f"the first {len(shown)} of {len(runs)} runs" if len(runs) > len(shown) else "every run"
-    theory = " Dashed: E A/h by eq. (1), a straight line." if "theory" in findings.arrays else ""
+    theory = (
+        f" Dashed: E A/h by eq. (1). {captions.theory_beside(findings)}".rstrip() if "theory" in findings.arrays else ""
+    )
     wide = 2 if len(panels) < 5 else 3
     return [
         Figure(
             "loops",
             "Loops",
-            f"Does the model follow the loops? Samples at the displacement that the motion gives between the gauge's steps, and the model, of {number}; offset "
-            f"of the force taken off.{theory}",
+            f"Does the model follow the loops? {captions.followed(runs)} Samples at the displacement that the motion gives between the gauge's steps, and the "
+            f"model, of {number}; offset of the force taken off.{theory}",
             "force over compression, samples and model with the theory line, one panel a run",
             panels,
             columns=wide,
@@ -93,7 +92,7 @@ def _loops(findings: Findings) -> list[Figure | Table | Text]:
         Figure(
             "loop_residuals",
             "What the model leaves",
-            "Is what is left only noise? Force less model. A pattern that both branches share is a fault of the elastic part, an opposite one of the hysteresis, a peak at the turn "
+            f"Is what is left only noise? {captions.noise(runs)} Force less model. A pattern that both branches share is a fault of the elastic part, an opposite one of the hysteresis, a peak at the turn "
             "of the motion.",
             "residual force over compression, one panel a run",
             rest,
@@ -103,6 +102,10 @@ def _loops(findings: Findings) -> list[Figure | Table | Text]:
         ),
         *_shape_remark(findings),
     ]
+
+
+def _joined(*sentences: str) -> str:
+    return " ".join(filter(None, sentences))
 
 
 def _theory_lines(findings: Findings, d_max: float) -> list[Mark]:
@@ -149,20 +152,25 @@ def _stiffness_table(findings: Findings) -> Table:
         "loss_ratio",
         "unloading_drop",
     ]
-    places = list(dict.fromkeys(_place(p) for p in findings.parameters))
-    found = {(p.name, _place(p)): p for p in findings.parameters}
+    places = list(dict.fromkeys(place(p) for p in findings.parameters))
+    found = {(p.name, place(p)): p for p in findings.parameters}
     rows: list[list[Cell]] = []
-    for place in places:
-        cells: list[Cell] = [place]
+    for at in places:
+        cells: list[Cell] = [at]
         for name in names:
-            p = found.get((name, place))
+            p = found.get((name, at))
             cells.append(Value(p.value, p.std_error, p.ci95) if p is not None else None)
         rows.append(cells)
     return Table(
         "stiffness",
         "Stiffness in both definitions",
-        "Secant: F(d_max)/d_max. Slope: regression of the loading branch over 20 to 80 % of d_max. The loop hardens and hysteresis lifts its start, so both differ, and so does the "
-        "stiffening relative to 0 A: say which one is meant. Offset of the force taken off.",
+        _joined(
+            "How stiff is the pad, and how much of the work is lost?",
+            captions.definitions(findings),
+            captions.lost(findings),
+            "Secant: F(d_max)/d_max. Slope: regression of the loading branch over 20 to 80 % of d_max. The loop hardens and hysteresis lifts its start, so both "
+            "differ, and so does the stiffening relative to 0 A: say which one is meant. Offset of the force taken off.",
+        ),
         [
             Column("coil current"),
             Column("secant", "N/m"),
@@ -200,7 +208,7 @@ def _over_current(findings: Findings) -> Figure | None:
     return Figure(
         "over_current",
         "Stiffness and stiffening over the current",
-        "How much does the field stiffen the pad? Both definitions with 95 % intervals.",
+        f"How much does the field stiffen the pad? {captions.stiffened(findings)} Both definitions with 95 % intervals.",
         "secant and slope stiffness and the stiffening relative to 0 A over coil current",
         panels,
         columns=2,
@@ -232,17 +240,20 @@ def _run_table(runs: pd.DataFrame) -> Table:
 
 
 def _model(findings: Findings) -> list[Figure | Table | Text]:
-    places = list(dict.fromkeys(_place(p) for p in findings.find("stiffness")))
-    found = {(p.name, _place(p)): p for p in findings.parameters}
+    places = list(dict.fromkeys(place(p) for p in findings.find("stiffness")))
+    found = {(p.name, place(p)): p for p in findings.parameters}
     rows: list[list[Cell]] = []
-    for place in places:
-        parameters = [found.get((name, place)) for name in _MODEL]
-        rows.append([place, *(None if p is None else Value(p.value, p.std_error, p.ci95) for p in parameters)])
+    for at in places:
+        parameters = [found.get((name, at)) for name in _MODEL]
+        rows.append([at, *(None if p is None else Value(p.value, p.std_error, p.ci95) for p in parameters)])
     table = Table(
         "model",
         "Parameters of the loop",
-        "F = k d + k3 d^3 + alpha w + F_off, w' = rho (d' - |d'| w). 1/rho is the displacement over which hysteresis builds up; where it is far below what the gauge resolves or beyond "
-        "the stroke, rho is not told.",
+        _joined(
+            "What is elastic in the loop and what is hysteresis?",
+            captions.hysteresis(findings),
+            "F = k d + k_3 d^3 + α w + F_off, w' = ρ (d' − |d'| w). Where 1/ρ is far below what the gauge resolves or beyond the stroke, ρ is not told.",
+        ),
         [Column("coil current"), *_MODEL.values()],
         rows,
     )
@@ -250,7 +261,8 @@ def _model(findings: Findings) -> list[Figure | Table | Text]:
     fits = Table(
         "motion",
         "What was seen of each run",
-        "Motion between the gauge's steps as its passages ask for; samples that count: how many independent ones the residual amounts to.",
+        f"How was the pad moved, and how much does each run tell? {captions.motion(runs)} Motion between the gauge's steps as its passages ask for; samples that "
+        "count: how many independent ones the residual amounts to.",
         [
             Column("run"), Column("d_max", "m"), Column("rate", "m/s"), Column("motion"), Column("gauge step", "m"), Column("samples"), Column("that count"),
             Column("residual (rms)", "N"), Column("over force", "%"), Column("F_off", "N"),
@@ -280,7 +292,7 @@ def _gauge(findings: Findings) -> list[Figure]:
         Figure(
             "gauge",
             "Gauge and motion",
-            f"Is the motion between the gauge's steps right? Reading less motion of {row['run']}: it must stay within half a step ({1e6 * row['gauge_step'] / 2:.3g} um) on either side.",
+            f"Is the motion between the gauge's steps right? {captions.between_steps(off, row['gauge_step'], str(row['run']))}",
             "reading of the gauge less the fitted motion over time",
             [
                 Panel(
