@@ -46,6 +46,12 @@ def every(recording: Recording, count: int) -> Recording:
 # Clock and rate
 
 
+def test_times_written_in_milliseconds_and_read_as_seconds_are_named(campaign: list[Recording]) -> None:
+    findings = identify(with_time(r, 1000.0) for r in campaign[:4])
+    assert findings.verdict == "rejected"
+    assert any("0.001 times as fast" in r and "ms taken as s?" in r for r in findings.reasons)
+
+
 def test_a_time_base_that_contradicts_all_labels_is_never_ok_and_the_factor_is_told(campaign: list[Recording]) -> None:
     findings = identify(with_time(r, 0.5) for r in campaign)
     assert findings.verdict == "warning"

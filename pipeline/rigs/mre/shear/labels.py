@@ -16,6 +16,9 @@ _AMPLITUDE_RATIO = 1.25
 # of several runs at different frequencies, or by itself while the others agree with theirs.
 _FREQUENCY_APART, _TOGETHER_APART, _AGREES = 0.03, 0.01, 0.003
 _SAME_FACTOR, _MOST_RUNS, _SEVERAL = 0.2, 0.8, 3
+# By what a time is too long that was written in another unit than was said.
+_UNITS_OF_TIME = {1e3: "ms taken as s", 1e6: "µs taken as s", 60.0: "s taken as min", 1e-3: "s taken as ms"}
+_SAME_UNIT = 0.05
 
 
 def say_labels(runs: SortedRuns) -> list[str]:
@@ -44,7 +47,7 @@ def _frequencies(runs: SortedRuns) -> str:
     if together and abs(middle - 1) > _TOGETHER_APART:
         doubt = (
             f"{len(alike)} of {len(ratios)} runs are {middle:.3g} times as fast as their labels say, at all frequencies alike: a "
-            f"wrong time base (sample rate). If the labels are right, damping coefficients, relaxation time and lag come out "
+            f"wrong time base (sample rate{_unit_of_time(1 / middle)}). If the labels are right, damping coefficients, relaxation time and lag come out "
             f"{1 / middle:.3g} times as large as they are; stiffness does not depend on it. Mend the time base, or the labels."
         )
         runs.say("warning", None, doubt, "displacement")
@@ -58,7 +61,7 @@ def _frequencies(runs: SortedRuns) -> str:
                 "warning",
                 usable.run,
                 f"the displacement runs at {usable.loop.frequency:.4g} Hz but the label says {usable.label_frequency:.4g} Hz: a "
-                "wrong label, or a wrong time base. The measured one is used.",
+                f"wrong label, or a wrong time base{_unit_of_time(1 / off[usable.run]) or '.'} The measured one is used.",
                 "displacement",
             )
     if not off:
@@ -68,6 +71,11 @@ def _frequencies(runs: SortedRuns) -> str:
         f"The measured frequency is not that of the label in {listing(off, 4)} ({off[run]:.3g} times it in {run}): a wrong label, "
         "or a wrong time base, which would make the damping of these runs wrong by this factor, and what is found from them."
     )
+
+
+def _unit_of_time(factor: float) -> str:
+    """Name the units that a time too long by `factor` speaks for, as an addition to a sentence."""
+    return next((f": {told}?" for size, told in _UNITS_OF_TIME.items() if abs(factor / size - 1) < _SAME_UNIT), "")
 
 
 def _amplitudes(runs: SortedRuns, conditions: Mapping[str, Mapping[str, object]]) -> str:
