@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.findings import Findings
+from pipeline.findings.figures import Figure, Table
 from pipeline.recording import Channel, Recording, Stream
 from pipeline.rigs.experiment import Context
 from pipeline.rigs.mre.hold.declaration import HOLD, HoldSettings
@@ -23,6 +24,12 @@ def hold(recordings: Sequence[Recording], **settings: Any) -> Findings:
 
 def step(recordings: Sequence[Recording], **settings: Any) -> Findings:
     return _with_its_report(STEP, STEP.identify(list(recordings), StepSettings(**settings), Context("test", {})))
+
+
+def captions(findings: Findings) -> dict[str, str]:
+    """Return the captions of the report on a hold test by the name of figure or table."""
+    blocks = [b for chapter in HOLD.sections(findings) for b in chapter.blocks if isinstance(b, Figure | Table)]
+    return {block.name: block.caption for block in blocks}
 
 
 def _with_its_report(experiment: Any, findings: Findings) -> Findings:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hold_logs import changed, hold, rows, said, without
+from hold_logs import captions, changed, hold, rows, said, without
 
 from pipeline.errors import InputError
 from pipeline.recording import Recording
@@ -29,6 +29,8 @@ def test_kn_as_n_is_rejected_with_or_without_a_preload(factor: float, told: bool
     found = hold([recording if told else replace(recording, conditions={})])
     assert found.verdict == "rejected"
     assert said(found, "kN taken as N")
+    assert "Not told: the force of this run is not to be used" in captions(found)["time"]
+    assert not told or "Not told. No blank test" in captions(found)["pull"]
     assert found.one("force_initial").value is None
     assert found.one("flux_slope").value is not None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hold_logs import hold, said, without
+from hold_logs import captions, hold, said, without
 
 from pipeline.findings import Findings
 from pipeline.rigs.mre.hold.analysis import analyse
@@ -60,6 +60,21 @@ def test_the_s_law_wins_by_aicc_over_hinge_tanh_and_fk(findings: Findings) -> No
     assert [model.name for model in findings.models if model.selected] == ["S law"]
 
 
+def test_captions_answer_with_the_numbers_of_the_campaign(findings: Findings) -> None:
+    told = captions(findings)
+    bend = findings.one("saturation_current")
+    assert bend.ci95 is not None
+    assert (
+        f"Yes: it bends at I_s = {bend.value:.4f} A (95 %: {bend.ci95[0]:.4f} to {bend.ci95[1]:.4f} A)" in told["law"]
+    )
+    assert "The sweeps differ by up to" in told["time"]
+    assert "With r = 2.01" in told["time"]
+    assert "The S law; the next one, the hinge, has an AICc" in told["laws"]
+    assert "At 8 A by 65.02 % (95 %: " in told["increments"]
+    assert "It tends to B_s = 9" in told["flux"]
+    assert "which could be all of the 1" in told["pull"]
+
+
 @pytest.mark.parametrize("largest", [4.0, 5.5, 6.0])
 def test_a_sweep_that_does_not_pass_saturation_leaves_the_limit_open(largest: float) -> None:
     found = hold(synthesize({"largest_current": largest}, 2))
@@ -69,6 +84,9 @@ def test_a_sweep_that_does_not_pass_saturation_leaves_the_limit_open(largest: fl
     assert said(found, "saturation", "not determined")
     last = found.one("force_increment", coil_current=largest)
     assert last.value == pytest.approx(increment(largest), abs=4 * (last.std_error or 0))
+    if largest == 5.5:
+        assert "has begun and was not passed: at 5.5 A the slope is still" in captions(found)["law"]
+        assert "Saturation is not told: the field only begins" in captions(found)["flux"]
     if largest == 6.0:
         assert "at least 5." in found.one("saturation_current").description
 
@@ -87,6 +105,7 @@ def test_a_law_that_bends_for_long_is_not_called_saturated() -> None:
 
 def test_one_sweep_direction_is_doubted_and_ignoring_relaxation_is_shown_to_be_wrong() -> None:
     found = hold(synthesize({"down": False}, 2))
+    assert "There is one sweep only. With r" in captions(found)["time"]
     assert said(found, "one way only", "59.")
     at_six = found.one("force_increment", coil_current=6.0)
     assert at_six.ci95 is not None
@@ -124,7 +143,9 @@ def test_a_field_map_alone_leaves_the_force_open() -> None:
 def test_the_pull_of_the_poles_is_taken_off_where_a_blank_test_tells_it() -> None:
     logs = synthesize({"blank": True, "pull": 60.0}, 3)
     at = {"coil_current": 6.0}
-    assert hold(logs).one("force_increment", **at).value == pytest.approx(0.627, abs=0.005)
+    found = hold(logs)
+    assert found.one("force_increment", **at).value == pytest.approx(0.627, abs=0.005)
+    assert "Both: the blank test shows 53.2 N at 8 A" in captions(found)["pull"]
     assert abs((hold(logs[:1]).one("force_increment", **at).value or 0) - 0.627) > 0.1
     assert float(pole_pull(0.8, np.pi * 0.025**2)) == pytest.approx(500, abs=1)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hold_logs import changed, hold, said, without
+from hold_logs import captions, changed, hold, said, without
 
 from pipeline.findings import Findings
 from pipeline.recording import Recording
@@ -56,6 +56,10 @@ def test_a_quadratic_force_has_the_increments_of_its_holds(seed: int) -> None:
 def test_a_force_that_goes_with_the_square_of_the_field_is_named_and_costs_the_increments() -> None:
     found = hold([log(pull=60.0)])
     assert said(found, "B^2", "press the load cell")
+    told = captions(found)
+    assert "Not told: the law misses the holds" in told["law"]
+    assert "None that a number may rest on: the law misses the holds" in told["laws"]
+    assert "without a blank test" in told["increments"]
     assert not increments(found)
     assert found.one("force_gain").value is None
 

@@ -26,6 +26,7 @@ from pipeline.findings.figures import (
     Text,
     Value,
 )
+from pipeline.rigs.mre.hold import captions
 from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
 
 CURRENT, FORCE, TIME = Axis("coil current", "A"), Axis("axial force", "N"), Axis("time", "s")
@@ -54,14 +55,16 @@ def _force(findings: Findings) -> list[Figure | Table | Text]:
         run = state["run"]
         own, curve = holds[holds["run"] == run], curves[curves["run"] == run]
         name = f" of run {run}" if len(states) > 1 else ""
-        blocks.append(_law_figure(state, own, curve, name))
+        blocks.append(_law_figure(findings, state, own, curve, name))
         blocks.append(_time_figure(findings, str(run), own, name))
         blocks.append(_saturation_table(findings, state, name))
-        blocks.append(_increment_table(findings, str(run), own, name, len(states) > 1))
+        blocks.append(_increment_table(findings, str(run), own, name))
     return blocks
 
 
-def _law_figure(state: dict[str, object], own: pd.DataFrame, curve: pd.DataFrame, name: str) -> Figure:
+def _law_figure(
+    findings: Findings, state: dict[str, object], own: pd.DataFrame, curve: pd.DataFrame, name: str
+) -> Figure:
     marks: list[Mark] = [
         Band(curve["current"].to_numpy(), curve["low"].to_numpy(), curve["high"].to_numpy(), "model"),
         Line(curve["current"].to_numpy(), curve["increment"].to_numpy(), "model", "law"),
@@ -88,7 +91,7 @@ def _law_figure(state: dict[str, object], own: pd.DataFrame, curve: pd.DataFrame
     return Figure(
         f"law{name.replace(' ', '_')}",
         f"Increment of the force{name}",
-        f"Does the force saturate? {_answer(state)} Means of the holds over F0, relaxation taken out with the fitted r, and the law with its 95 % band; beside it what the law leaves (the sweeps set apart for reading).",
+        f"Does the force saturate? {captions.saturates(findings, state)} Means of the holds over F_0, relaxation taken out with the fitted r, and the law with its 95 % band; beside it what the law leaves (the sweeps set apart for reading).",
         "relative increment of the axial force over coil current, both sweep directions and the fitted law; residuals",
         [
             Panel(marks, CURRENT, Axis("increment of the force", "%"), "increment"),
@@ -98,27 +101,14 @@ def _law_figure(state: dict[str, object], own: pd.DataFrame, curve: pd.DataFrame
     )
 
 
-def _answer(state: dict[str, object]) -> str:
-    top, flat = float(str(state["top"])), 100 * float(str(state["flatness"]))
-    if state["state"] == "seen":
-        return f"Saturation is seen: at {top:.3g} A the slope is {flat:.2g} % of that at 0 A."
-    if state["state"] == "begun":
-        return (
-            f"Saturation has begun and was not passed: at {top:.3g} A the slope is still {flat:.2g} % of that at 0 A."
-        )
-    return f"Saturation was not reached: up to {top:.3g} A the force rises straight."
-
-
 def _time_figure(findings: Findings, run: str, own: pd.DataFrame, name: str) -> Figure:
     series = findings.arrays["series"]
     part = series[series["run"] == run]
     t = part["time"].to_numpy()
-    r = next((p.value for p in findings.find("relaxation") if p.at.get("run", run) == run), None)
-    told = f" The fitted relaxation is {100 * r:.3g} % a decade." if r is not None else ""
     return Figure(
         f"time{name.replace(' ', '_')}",
         f"Force over time{name}",
-        f"Is what differs between the sweeps relaxation?{told} Samples and the law where the hold counts; below, what the law leaves of each hold in the order of time: a trend or a "
+        f"Is what differs between the sweeps relaxation? {captions.relaxes(findings, run, own)} Samples and the law where the hold counts; below, what the law leaves of each hold in the order of time: a trend or a "
         "sawtooth would be drift, heating or hysteresis.",
         "axial force over time with the law; residuals of the holds over time",
         [
@@ -156,15 +146,14 @@ def _time_figure(findings: Findings, run: str, own: pd.DataFrame, name: str) -> 
 
 def _saturation_table(findings: Findings, state: dict[str, object], name: str) -> Table:
     mood = _MOODS[str(state["state"])]
-    least = min((m.aicc for m in findings.models if m.aicc is not None), default=0.0)
     run = str(state["run"])
+    models = [m for m in findings.models if not name or m.name.startswith(f"{run}: ")]
+    least = min((m.aicc for m in models if m.aicc is not None), default=0.0)
+    refused = captions.law_refused(findings, state)
+    taken = Status("for no number", "rejected") if refused else Status(f"yes; saturation {state['state']}", mood)
     rows: list[list[Cell]] = []
-    for model in findings.models:
-        if name and not model.name.startswith(f"{run}: "):
-            continue
-        own = [m.aicc for m in findings.models if m.family == model.family and m.aicc is not None]
-        least = min(own, default=0.0)
-        chosen = Status(f"parameters; saturation {state['state']}", mood) if model.selected else ""
+    for model in models:
+        chosen = taken if model.selected else ""
         rows.append(
             [
                 model.name.removeprefix(f"{run}: "),
@@ -177,15 +166,15 @@ def _saturation_table(findings: Findings, state: dict[str, object], name: str) -
     return Table(
         f"laws{name.replace(' ', '_')}",
         f"Which law{name}",
-        "AICc above the best: 10 and more means that the data do not support the law. The hinge is the S law with p -> infinity, FK that with p = 1.",
+        f"Which law do the data support? {captions.supported(models, refused)} AICc above the best: 10 and more means that the data do not support the law.",
         [Column("law"), Column("form"), Column("parameters", "1"), Column("AICc above the best", "1"), Column("taken")],
         rows,
     )
 
 
-def _increment_table(findings: Findings, run: str, own: pd.DataFrame, name: str, several: bool) -> Table:
+def _increment_table(findings: Findings, run: str, own: pd.DataFrame, name: str) -> Table:
     rows = []
-    for p in findings.find("force_increment", **({"run": run} if several else {})):
+    for p in captions.of_run(findings, "force_increment", run):
         current = float(p.at["coil_current"])
         cells: list[float | Value | None] = [current, Value(p.value, p.std_error, p.ci95)]
         for sign, _ in _WAYS:
@@ -195,7 +184,8 @@ def _increment_table(findings: Findings, run: str, own: pd.DataFrame, name: str,
     return Table(
         f"increments{name.replace(' ', '_')}",
         f"Increments{name}",
-        "Force at a current over that at 0 A, less 1, at one time; and the mean force measured on either sweep, relaxation included.",
+        f"By how much does the field raise the force? {captions.raised(findings, run)} Force at a current over that at 0 A, less 1, at one time; and the mean force "
+        "measured on either sweep, relaxation included.",
         [
             Column("coil current", "A"),
             Column("increment", "%"),
@@ -230,16 +220,10 @@ def _field_figure(findings: Findings, run: str, own: pd.DataFrame, lines: pd.Dat
             half = (part["high"] - part["low"]).to_numpy() / 2
             left = part["residual"].to_numpy()
             rest.append(Points(x + _APART * number, left, number, label, left - half, left + half))
-    remanence = [
-        f"{1e3 * p.value:.2g} mT {p.at.get('sweep')}"
-        for p in findings.find("remanence")
-        if p.value is not None and p.at.get("run", run) == run
-    ]
-    told = f" Remanence fitted: {', '.join(remanence)}." if remanence else ""
     return Figure(
         f"flux{f'_{run}' if several else ''}",
         f"Flux density{f' of run {run}' if several else ''}",
-        f"Where does the field saturate, and what remains of it?{told} Means of the holds and the law on either sweep; beside it what the law leaves (the sweeps set apart for reading).",
+        f"Where does the field saturate, and what remains of it? {captions.magnetised(findings, run)} Means of the holds and the law on either sweep; beside it what the law leaves (the sweeps set apart for reading).",
         "flux density over coil current, both sweep directions, with the law; residuals",
         [
             Panel(marks, CURRENT, Axis("flux density", "T"), "field map"),
@@ -260,10 +244,13 @@ def _pull_figure(findings: Findings) -> Figure:
     for number, (kind, own) in enumerate(blank.groupby("kind", sort=False)):
         y, half = own["pull"].to_numpy(), own["half"].to_numpy()
         marks.append(Points(own["current"].to_numpy(), y, number, str(kind), y - half, y + half))
+    rise = None
     if "curves" in findings.arrays:
         state = findings.arrays["state"].iloc[0]
         curve = findings.arrays["curves"]
         curve = curve[curve["run"] == state["run"]]
+        if any(p.value is not None for p in captions.of_run(findings, "force_initial", str(state["run"]))):
+            rise = float(curve["current"].iloc[-1]), float(curve["increment"].iloc[-1] * state["F0"])
         marks.append(
             Line(
                 curve["current"].to_numpy(),
@@ -272,16 +259,11 @@ def _pull_figure(findings: Findings) -> Figure:
                 "rise of the pad's force" if len(blank) else "rise of the force",
             )
         )
-    said = (
-        "What the blank test measured was taken off the force."
-        if len(blank)
-        else "No blank test was run: how much of the bound the load cell sees is not known, and none was taken off."
-    )
     finite = np.isfinite(table["pull"].to_numpy()).all()
     return Figure(
         "pull",
         "Pull of the poles",
-        f"Is it the pad or the magnet that presses? {said}",
+        f"Is it the pad or the magnet that presses? {captions.pressed(table, rise)}",
         "pull of the poles over coil current beside the rise of the force",
         [Panel(marks if finite else [], CURRENT, Axis("force", "N"))],
     )
