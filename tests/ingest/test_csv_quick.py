@@ -57,7 +57,7 @@ def canonical(parsed: Parsed) -> Parsed:
     return parsed
 
 
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(st.data())
 def test_where_the_compiled_pass_reads_it_reads_what_the_careful_one_reads(layouts: list[Layout], data) -> None:
     layout = data.draw(st.sampled_from(layouts))

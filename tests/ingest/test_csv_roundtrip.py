@@ -121,7 +121,7 @@ def value_of(text: str) -> float:
     return math.nan if text in ("", "NaN", "-", "#N/A") else float(text)
 
 
-@settings(max_examples=200, deadline=None, report_multiple_bugs=False)
+@settings(max_examples=120, deadline=None, report_multiple_bugs=False)
 @given(tables(), dialects(), st.sampled_from((1 << 22, 400)))
 def test_any_table_in_any_dialect_is_read_back_exactly(table: Table, dialect: Dialect, chunk: int) -> None:
     table.names[-1] = FOREIGN.get(dialect.encoding, table.names[-1])

@@ -88,7 +88,13 @@ def blocks(chapters: list[Section]) -> dict[str, Figure | Table]:
     return {block.name: block for chapter in chapters for block in chapter.blocks if isinstance(block, Figure | Table)}
 
 
-@pytest.mark.parametrize("campaign", CAMPAIGNS, ids=lambda campaign: campaign.__name__)
+@pytest.mark.parametrize(
+    "campaign",
+    [
+        pytest.param(one, id=one.__name__, marks=[pytest.mark.thorough] * (one is sequence_campaign))
+        for one in CAMPAIGNS
+    ],
+)
 def test_chapters_are_made_from_what_is_on_disk(campaign: Callable[[], list[Recording]], tmp_path: Path) -> None:
     findings = from_disk(campaign(), tmp_path)
     chapters = list(SHEAR.sections(findings))
