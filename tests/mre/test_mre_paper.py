@@ -26,7 +26,7 @@ def test_every_row_stands_in_one_experiment_and_is_of_the_paper_alone() -> None:
         ("axial stiffening at 2 A by eq. (4), touching spheres", 0.656, True),
         ("2 G A/h of the two pads", 430.7e3, None),
         ("density of a compound with 25 % powder", 2775.0, False),
-        ("matrix modulus G0 from Shore A 10", 0.1376e6, False),
+        ("matrix modulus G_0 from Shore A 10", 0.1376e6, False),
         ("Young's modulus from Shore A 33", 1.289e6, False),
         ("field during curing", 0.257, False),
         ("ampere-turns of 1500 turns at 4 A", 6000.0, True),

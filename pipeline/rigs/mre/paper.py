@@ -72,7 +72,7 @@ def shear_rows() -> list[Published]:
     return [
         row(
             "shear modulus without field", SHEAR_MODULUS, modulus(), agrees=bool(abs(modulus() / SHEAR_MODULUS - 1) < 0.005 / 0.66),
-            remark="computed by eq. (1) from the matrix modulus 0.3 MPa and 25 % powder", unit="Pa", where="5.1",
+            remark="computed by eq. (1) from the matrix modulus 0.3 MPa and 25 % powder", unit="Pa", where="section 5.1",
         ),
         row(
             "amplitudes at the four shear stiffnesses", f"{', '.join(printed)} N/mm", f"{amplitudes} mm", None,
@@ -80,26 +80,26 @@ def shear_rows() -> list[Published]:
         ),
         row(
             "2 G A/h of the two pads", None, theory, None,
-            "theory without field, beside 330 to 500 N/mm measured in the paper at 200 and 700 N preload", "N/m", "5.1",
+            "theory without field, beside 330 to 500 N/mm measured in the paper at 200 and 700 N preload", "N/m", "section 5.1",
         ),
         row(
             "MR effect from the printed stiffness, 200 N and 700 N",
             ", ".join(f"{100 * value:.0f} %" for value in MR_EFFECT.values()),
             ", ".join(f"{100 * value:.1f} %" for value in effects),
             all(abs(e - v) < 0.005 for e, v in zip(effects, MR_EFFECT.values(), strict=True)),
-            "at equal force: the amplitude shrinks with the field, so part of it is loop softening", where="5.3",
+            "at equal force: the amplitude shrinks with the field, so part of it is loop softening", where="section 5.3",
         ),
         row(
             "stiffness from 200 N to 700 N preload, 0 A and 6 A", "more preload, more stiffness",
             ", ".join(f"+{100 * value:.1f} %" for value in by_preload), all(value > 0 for value in by_preload),
             f"the pads' shape alone (height and area under preload, E = {young() / 1e6:.2f} MPa) gives "
-            f"+{100 * geometry[0]:.0f} % with nu = 0.2 to +{100 * geometry[1]:.0f} % with 0.5: much of it is not material",
+            f"+{100 * geometry[0]:.0f} % with ν = 0.2 to +{100 * geometry[1]:.0f} % with 0.5: much of it is not material",
             where="Fig. 17",
         ),
         row(
             "friction that 200 N over two pads needs, at 200 N and 700 N", "no slip",
             ", ".join(f"{value:.2f}" for value in friction), None,
-            "coefficient of friction; the paper measured none", where="5.2",
+            "coefficient of friction; the paper measured none", where="section 5.2",
         ),
     ]  # fmt: skip
 
@@ -124,7 +124,7 @@ def hold_rows() -> list[Published]:
         ),
         row(
             "pull of the poles at 0.8 T on the area of a pad", None, pull, None,
-            "B^2 A/(2 mu0): not small beside 200 N preload; a test with a rigid spacer tells it", "N", "Fig. 10",
+            "B^2 A/(2 μ_0): not small beside 200 N preload; a test with a rigid spacer tells it", "N", "Fig. 10",
         ),
     ]  # fmt: skip
 
@@ -137,18 +137,18 @@ def _moduli() -> list[Published]:
     return [
         row(
             "Young's modulus", YOUNG_MODULUS, young(), agrees=bool(abs(young() - YOUNG_MODULUS) < 0.005e6),
-            remark=f"2 G (1 + nu) with nu = 0.2; the rounded G gives {young_modulus(SHEAR_MODULUS, POISSON_RATIO) / 1e6:.3f} MPa; "
-            f"1.57 needs nu = {needed:.3f}, or G = {YOUNG_MODULUS / 2 / (1 + POISSON_RATIO) / 1e6:.3f} MPa", unit="Pa", where="5.1",
+            remark=f"2 G (1 + ν) with ν = 0.2; the rounded G gives {young_modulus(SHEAR_MODULUS, POISSON_RATIO) / 1e6:.3f} MPa; "
+            f"1.57 needs ν = {needed:.3f}, or G = {YOUNG_MODULUS / 2 / (1 + POISSON_RATIO) / 1e6:.3f} MPa", unit="Pa", where="section 5.1",
         ),
         row(
             "axial stiffness E A/h", None, stiffness, None,
             f"not printed; {YOUNG_MODULUS * AREA / HEIGHT / 1e3:.1f} N/mm with E = 1.57 MPa, "
             f"{young_modulus(SHEAR_MODULUS, POISSON_RATIO) * AREA / HEIGHT / 1e3:.1f} N/mm with G = 0.66 MPa. Faces that do not slip "
-            f"would make it {1 + 2 * shape**2:.2f} times as stiff (shape factor {shape:.3f})", "N/m", "5.1, Fig. 9",
+            f"would make it {1 + 2 * shape**2:.2f} times as stiff (shape factor {shape:.3f})", "N/m", "section 5.1, Fig. 9",
         ),
         row(
             "strain at 700 N preload", "Hooke's law up to 10 %", f"{100 * strain:.1f} %", agrees=bool(strain < 0.1),
-            remark="700 N over E A: outside of the range that the paper gives for Hooke's law", where="5.1",
+            remark="700 N over E A: outside of the range that the paper gives for Hooke's law", where="section 5.1",
         ),
     ]  # fmt: skip
 
@@ -163,11 +163,11 @@ def _micromechanics() -> list[Published]:
     return [
         row(
             "best volume fraction by eq. (8)", "0.25 to 0.30", "none below 0.52", agrees=False,
-            remark="with phi squared the increment rises up to the densest packing", where="section 2, Fig. 3",
+            remark="with the square of the fraction the increment rises up to the densest packing", where="section 2, Fig. 3",
         ),
         row(
             "best volume fraction by eq. (4) at a fixed gap", "0.25 to 0.30", best, agrees=bool(0.25 <= best <= 0.30),
-            remark="1/sqrt(14.1), whatever the moduli are", where="section 2, Fig. 3",
+            remark="1/√14.1, whatever the moduli are", where="section 2, Fig. 3",
         ),
         row(
             "axial stiffening at 2 A by eq. (8), at most", STIFFENING, cubic, agrees=bool(abs(cubic - STIFFENING) < 0.05),
@@ -192,8 +192,8 @@ def _material() -> list[Published]:
             f"or {100 * (1 - DENSITY / nominal):.1f} % voids", unit="kg/m^3", where="Table 1",
         ),
         row(
-            "matrix modulus G0 from Shore A 10", MATRIX_MODULUS, matrix / 3, agrees=bool(abs(matrix / 3 / MATRIX_MODULUS - 1) < 0.2),
-            remark=f"Gent's relation gives E = {matrix / 1e6:.3f} MPa, a third of it G0", unit="Pa", where="Table 1",
+            "matrix modulus G_0 from Shore A 10", MATRIX_MODULUS, matrix / 3, agrees=bool(abs(matrix / 3 / MATRIX_MODULUS - 1) < 0.2),
+            remark=f"Gent's relation gives E = {matrix / 1e6:.3f} MPa, a third of it G_0", unit="Pa", where="Table 1",
         ),
         row(
             "Young's modulus from Shore A 33", YOUNG_MODULUS, compound, agrees=bool(abs(compound / YOUNG_MODULUS - 1) < 0.1),
@@ -233,7 +233,7 @@ def _coil() -> list[Published]:
         row(
             "gap that 10000 and 6000 ampere-turns magnetise to 0.8 T", "10 mm (pad in the model)",
             ", ".join(f"{1e3 * gap:.1f} mm" for gap in gaps), agrees=bool(abs(gaps[1] - 0.010) < 0.0015),
-            remark="mu0 N I/B of an ideal circuit: 6000 ampere-turns fit, 10000 do not", where="section 4",
+            remark="μ_0 N I/B of an ideal circuit: 6000 ampere-turns fit, 10000 do not", where="section 4",
         ),
         row("ampere-turns of 1500 turns at 4 A", 6000.0, TURNS * COIL_CURRENT, agrees=bool(TURNS * COIL_CURRENT == 6000), remark="", unit="A", where="section 4"),
         row(
@@ -246,7 +246,7 @@ def _coil() -> list[Published]:
         ),
         row(
             "coil resistance", RESISTANCE, cold, agrees=bool(abs(cold / RESISTANCE - 1) < 0.1),
-            remark=f"310 m of copper, 1.02 mm thick, cold; 6.9 ohm is it at {20 + (RESISTANCE / cold - 1) / 0.0039:.0f} degrees Celsius",
+            remark=f"310 m of copper, 1.02 mm thick, cold; 6.9 ohm is what it has at {20 + (RESISTANCE / cold - 1) / 0.0039:.0f} degrees Celsius",
             unit="ohm", where="section 4",
         ),
         row(
@@ -256,6 +256,6 @@ def _coil() -> list[Published]:
         row(
             "ampere-turns at 6 A", 6000.0, tested, agrees=bool(tested == 6000),
             remark="'able to' 800 mT at 6 A: with 1500 turns that is not the designed 6000 ampere-turns, so the tested coil is not clearly the designed one",
-            unit="A", where="5.2",
+            unit="A", where="section 5.2",
         ),
     ]  # fmt: skip

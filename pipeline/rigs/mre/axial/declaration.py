@@ -41,19 +41,20 @@ CONDITIONS = (
     *SAMPLE,
     *MICROMECHANICS,
 )
+_LOOP, _OWN = "after eq. (12), C = n = 1", "not in the paper"
 PARAMETERS = (
-    ParameterSpec("stiffness", "k", "N/m", "linear stiffness of the loop model", "T1, 3.2"),
-    ParameterSpec("stiffness_cubic", "k_3", "N/m^3", "cubic stiffness of the loop model", "T1, 3.2"),
-    ParameterSpec("alpha", r"\alpha", "N", "largest hysteretic force", "T1, 3.2"),
-    ParameterSpec("rho", r"\rho", "1/m", "slope of w at the origin; 1/rho is the yield displacement", "eq. (12), C = n = 1"),
-    ParameterSpec("stiffness_secant", r"F(d_{max})/d_{max}", "N/m", "force at the turn over displacement, offset removed", "3.2", key=True),
+    ParameterSpec("stiffness", "k", "N/m", "linear stiffness of the loop model", _LOOP),
+    ParameterSpec("stiffness_cubic", "k_3", "N/m^3", "cubic stiffness of the loop model", _LOOP),
+    ParameterSpec("alpha", r"\alpha", "N", "largest hysteretic force", _LOOP),
+    ParameterSpec("rho", r"\rho", "1/m", "slope of w at the origin; 1/ρ is the yield displacement", _LOOP),
+    ParameterSpec("stiffness_secant", r"F(d_{max})/d_{max}", "N/m", "force at the turn over displacement, offset removed", _OWN, key=True),
     ParameterSpec(
-        "stiffness_slope", r"dF/dd", "N/m", "regression of the loading branch over 20 to 80 % of d_max", "3.2", key=True
+        "stiffness_slope", r"dF/dd", "N/m", "regression of the loading branch over 20 to 80 % of d_max", _OWN, key=True
     ),
-    ParameterSpec("loss_ratio", "W/W_l", "1", "lost over loading work", "3.2", key=True),
-    ParameterSpec("unloading_drop", r"\alpha(1+w_m)", "N", "force by which the release lies below the loading", "3.2", key=True),
-    ParameterSpec("stiffening_secant", r"\Delta k/k", "1", "secant stiffness relative to 0 A, less 1", "Fig. 8", key=True),
-    ParameterSpec("stiffening_slope", r"\Delta k/k", "1", "slope stiffness relative to 0 A, less 1", "Fig. 8", key=True),
+    ParameterSpec("loss_ratio", "W/W_l", "1", "lost over loading work", _OWN, key=True, read_as="%"),
+    ParameterSpec("unloading_drop", r"\alpha(1+w_m)", "N", "force by which the release lies below the loading", _OWN, key=True),
+    ParameterSpec("stiffening_secant", r"\Delta k/k", "1", "secant stiffness relative to 0 A, less 1", "Fig. 8", key=True, read_as="%"),
+    ParameterSpec("stiffening_slope", r"\Delta k/k", "1", "slope stiffness relative to 0 A, less 1", "Fig. 8", key=True, read_as="%"),
 )  # fmt: skip
 
 AXIAL = Experiment(

@@ -39,7 +39,7 @@ def _beside_theory(levels: Sequence[Level], theory: Theory | list[str]) -> list[
     far = abs(found / theory.bonded - 1)
     remark = (
         f"secant at 0 A beside E A/h by eq. (1); with faces that do not slip it would be {theory.bonded / 1e3:.4g} N/mm "
-        f"(E (1 + 2 S^2), S = {theory.shape_factor:.3f}). "
+        f"(E_c = E (1 + 2 S^2), S = {theory.shape_factor:.3f}). "
     )
     remark += (
         "Near E A/h: faces that slip well, or a compressible compound."
@@ -50,7 +50,7 @@ def _beside_theory(levels: Sequence[Level], theory: Theory | list[str]) -> list[
     )
     return [
         Published(
-            name="axial stiffness at 0 A and E A/h", published=theory.stiffness, found=found, unit="N/m", where="5.1, Fig. 9",
+            name="axial stiffness at 0 A and E A/h", published=theory.stiffness, found=found, unit="N/m", where="section 5.1, Fig. 9",
             agrees=near < 0.1, remark=remark,
         )
     ]  # fmt: skip
@@ -82,6 +82,6 @@ def _drops(levels: Sequence[Level]) -> list[Published]:
     return [
         Published(
             name="drop of the force when the release begins, 0 A and 2 A", published="larger at 2 A",
-            found=f"{drops[0]:.3g} N, {drops[1]:.3g} N", where="5.1", agrees=bool(drops[1] > drops[0]), remark="",
+            found=f"{drops[0]:.3g} N, {drops[1]:.3g} N", where="section 5.1", agrees=bool(drops[1] > drops[0]), remark="",
         )
     ]  # fmt: skip

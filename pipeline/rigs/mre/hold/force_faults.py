@@ -42,7 +42,7 @@ def judge_force(found: Analysed, doubts: Doubts, *, alone: bool = False) -> bool
     if float(found.rows.current.min()) > max(0.1, 0.03 * float(found.rows.current.max())):
         doubts.doubt(
             run,
-            f"no hold is at 0 A (the lowest is {found.rows.current.min():.2f} A): F0 and all increments rest on the law carried to 0 A.",
+            f"no hold is at 0 A (the lowest is {found.rows.current.min():.2f} A): F_0 and all increments rest on the law carried to 0 A.",
             "Begin and end the sweep with a hold at 0 A.",
         )
     if record.of("force_axial") is not None and not record.both_ways and not record.swept:
@@ -61,7 +61,7 @@ def judge_force(found: Analysed, doubts: Doubts, *, alone: bool = False) -> bool
     if isinstance(gain, float) and gain > 0:
         doubts.note(
             run,
-            f"the force's calibration is uncertain by {100 * gain:.3g} %: that is in the interval of F0 only. A common factor leaves increments and relaxation as they "
+            f"the force's calibration is uncertain by {100 * gain:.3g} %: that is in the interval of F_0 only. A common factor leaves increments and relaxation as they "
             "are; a zero that is off, or a sensor that is not linear (FSR), does not, and is in no interval.",
             "force_axial",
         )

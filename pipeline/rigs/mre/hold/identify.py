@@ -204,8 +204,11 @@ def _models(found: Analysed, several: bool) -> list[ModelResult]:
     fit = found.saturation.fit
     straight = found.saturation.state == "not reached"
     texts = {
-        "S law": "I/(1+(I/I_s)^p)^(1/p)", "hinge": "straight, then flat (p -> infinity)", "tanh": "hyperbolic tangent",
-        "FK": "Froehlich-Kennelly (p = 1)", "straight line": "no saturation",
+        "S law": "bends at I_s, the sharper the larger p",
+        "hinge": "straight up to I_s, then flat: the S law with p → ∞",
+        "tanh": "hyperbolic tangent, much like the S law with p = 2.5",
+        "FK": "law of Froehlich and Kennelly, eq. (7) of the paper: the S law with p = 1",
+        "straight line": "no saturation",
     }  # fmt: skip
     models = []
     for candidate in found.saturation.candidates:

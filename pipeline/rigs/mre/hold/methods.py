@@ -20,8 +20,8 @@ def methods(findings: Findings) -> Sequence[str]:
         paragraphs += [_law(findings), _limit()]
     if "field" in findings.arrays:
         paragraphs.append(
-            "The flux density was fitted by the same law with one remanence for each sweep direction, B = s0 I/(1+(s0 I/B_s)^p)^(1/p) + b, to the means "
-            "of the holds, the scatter of the holds about the law setting the errors. Flux density of a saturation that the sweep only begins to show is not told."
+            "The flux density was fitted by the same law, from the slope s_0 at 0 A to the limit B_s, with one remanence b for each sweep direction, to the "
+            "means of the holds, the scatter of the holds about the law setting the errors. Flux density of a saturation that the sweep only begins to show is not told."
         )
     return paragraphs
 
@@ -31,10 +31,10 @@ def _law(findings: Findings) -> str:
     ways = "both sweep directions" if state["both_ways"] else "one sweep direction"
     blank = f" The pull of the poles measured in run {state['blank']} was taken off first." if state["blank"] else ""
     return (
-        f"The law F(I, t) = F0 (1 + a S(I/I_s; p)) (1 - r log10(t/t0)), S(z; p) = z/(1+|z|^p)^(1/p), t from the start of the log and t0 = 10 s, was fitted to {state['holds']} holds of "
-        f"{ways}.{blank} Two numbers of each hold enter: the mean force, and its creep against log10(t/t0). The force is linear in F0 and the initial slope, so "
+        f"The law F(I, t) = F_0 (1 + a S(I/I_s; p)) (1 − r log10(t/t_0)) with S as below, t from the start of the log and t_0 = 10 s, was fitted to {state['holds']} holds of "
+        f"{ways}.{blank} Two numbers of each hold enter: the mean force, and its creep against log10(t/t_0). The force is linear in F_0 and the initial slope, so "
         "variable projection was used (Golub and Pereyra 1973, Kaufman 1975), from eight starts; sharpness was searched as 1/p, so that straight-then-flat is 0. The "
-        "variances of both kinds of data were estimated with the fit: an error that stays for a whole hold widens the intervals. Increments are F(I)/F(0) - 1 at one time, "
+        "variances of both kinds of data were estimated with the fit: an error that stays for a whole hold widens the intervals. Increments are F(I)/F(0) − 1 at one time, "
         "so relaxation is not in them. The law was tested against the holds with one free force a level (F test, 99.95 %): where it misses them, or the sweeps differ level after level, "
         "limit, saturation current and sharpness are not told and increments are those of the levels, or null where a force that goes with B^2 mends the misfit. A force that goes "
         "linearly with time (99.5 %) is fitted along, a gap closed before the log began is taken as the age that fits best (99 %); relaxation is then not told."
@@ -43,8 +43,8 @@ def _law(findings: Findings) -> str:
 
 def _limit() -> str:
     return (
-        "Against the S law stand a hinge, tanh, Froehlich-Kennelly (p = 1) and a straight line, compared by AICc (Hurvich and Tsai 1989). Intervals of I_s, a and p are those of the profile "
+        "Against the S law stand a hinge (straight, then flat: p → ∞), a hyperbolic tangent (tanh), the law of Froehlich and Kennelly (FK, p = 1) and a straight line, compared by AICc (Hurvich and Tsai 1989). Intervals of I_s, a and p are those of the profile "
         "likelihood, the others Student's. Saturation is called seen, and I_s, a and p are told, only where the interval of I_s closes below the largest current, the slope there is below "
-        "a quarter of that at 0 A with its upper 95 % limit, and three quarters of the limit were reached. Intervals hold 95 %; that of F0 contains the calibration "
+        "a quarter of that at 0 A with its upper 95 % limit, and three quarters of the limit were reached. Intervals hold 95 %; that of F_0 contains the calibration "
         "where the conditions tell it."
     )

@@ -79,7 +79,7 @@ def _increments(found: Analysed) -> list[Published]:
             found=f"bends at {found.saturation.fit.I_s:.2f} A, sharpness {p:.3g}" if seen else f"saturation {state}",
             where="Fig. 10",
             agrees=sharp if seen else None,
-            remark="straight, then flat needs a sharpness of 8 or more; FK has 1 and tanh about 2.5",
+            remark="straight, then flat needs a sharpness p of 8 or more; the law of Froehlich and Kennelly has 1, a hyperbolic tangent about 2.5",
         )
     )
     return rows
@@ -95,7 +95,7 @@ def _flux(field: FieldFit) -> list[Published]:
             published=paper.FLUX,
             found=value,
             unit="T",
-            where="5.2",
+            where="section 5.2",
             agrees=bool(abs(value - paper.FLUX) <= 0.05 + 1.96 * sd),
             remark="the paper says what the coil is able to give",
         ),
@@ -106,6 +106,6 @@ def _flux(field: FieldFit) -> list[Published]:
             unit="N",
             where="Fig. 10",
             agrees=None,
-            remark="B^2 A/(2 mu0) with the flux density measured here: an upper limit of what the load cell sees beside the pad",
+            remark="B^2 A/(2 μ_0) with the flux density measured here: an upper limit of what the load cell sees beside the pad",
         ),
     ]

@@ -205,7 +205,9 @@ def _sharpness(found: Saturation) -> Estimate:
     fit, u = found.fit, found.u
     if u.low_side != "closed":
         least = f"at least {1 / u.high:.3g} (95 %)" if u.high_side == "closed" else "any value"
-        return undetermined("sharpness", f"{least}: the law cannot be told from straight, then flat (p -> infinity)")
+        return undetermined(
+            "sharpness", f"{least}: the law cannot be told from one that is straight, then flat (p → ∞)"
+        )
     if u.high_side != "closed":
         return undetermined(
             "sharpness", f"at most {1 / u.low:.3g} (95 %); the sweep does not tell how sharp the bend is"

@@ -239,7 +239,7 @@ def _pull_figure(findings: Findings) -> Figure:
     bound, blank = table[table["kind"] == "bound"], table[table["kind"] != "bound"]
     if len(bound):
         marks.append(
-            Line(bound["current"].to_numpy(), bound["pull"].to_numpy(), "reference", "B² A/(2 µ0)", dashed=True)
+            Line(bound["current"].to_numpy(), bound["pull"].to_numpy(), "reference", "B² A/(2 μ_0)", dashed=True)
         )
     for number, (kind, own) in enumerate(blank.groupby("kind", sort=False)):
         y, half = own["pull"].to_numpy(), own["half"].to_numpy()

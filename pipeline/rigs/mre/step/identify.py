@@ -188,7 +188,7 @@ def _published(estimates: Sequence[Estimate]) -> list[Published]:
             name="response to switching on and off",
             published="fast on the rise, slower on the fall",
             found=f"t63 {rise:.3g} s and {fall:.3g} s, ratio {fall / rise:.3g}" if rise > 0 else None,
-            where="5.2, figure lost",
+            where="section 5.2, figure lost",
             agrees=bool(fall > rise),
             remark="the paper's numbers are lost with its figure",
         )
