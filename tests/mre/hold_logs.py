@@ -27,8 +27,9 @@ def step(recordings: Sequence[Recording], **settings: Any) -> Findings:
 
 
 def captions(findings: Findings) -> dict[str, str]:
-    """Return the captions of the report on a hold test by the name of figure or table."""
-    blocks = [b for chapter in HOLD.sections(findings) for b in chapter.blocks if isinstance(b, Figure | Table)]
+    """Return the captions of the report on a hold or step test by the name of figure or table."""
+    chapters = (STEP if findings.experiment == STEP.id else HOLD).sections(findings)
+    blocks = [b for chapter in chapters for b in chapter.blocks if isinstance(b, Figure | Table)]
     return {block.name: block.caption for block in blocks}
 
 

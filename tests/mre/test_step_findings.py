@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hold_logs import changed, rows, said, step, with_channel, without
+from hold_logs import captions, changed, rows, said, step, with_channel, without
 
 from pipeline.errors import InputError
 from pipeline.findings import Findings
@@ -72,6 +72,23 @@ def test_the_truth_is_recovered_to_the_accuracy_of_the_sheet(findings: Findings)
         assert findings.one("t90", direction=direction).value == pytest.approx(t90, abs=5e-3)
     assert findings.verdict == "ok"
     assert findings.published[0].agrees is True
+
+
+def test_captions_answer_with_the_numbers_of_the_campaign_and_tell_what_is_open(findings: Findings) -> None:
+    told = captions(findings)
+    rise, fall = (findings.one("t63", direction=d) for d in ("rise", "fall"))
+    assert (
+        f"{1e3 * (rise.ci95 or (0, 0))[0]:.2f} to {1e3 * (rise.ci95 or (0, 0))[1]:.2f} ms) in the rise" in told["steps"]
+    )
+    assert f"The fall takes {(fall.value or 0) / (rise.value or 1):.3g} times as long." in told["steps"]
+    assert "L and tau_2 are alike in rise and fall." in told["times"]
+    assert "All steps join the same two levels" in told["gains"]
+    opened = {"value": None, "ci95": None, "description": "the sky fell"}
+    parameters = [p.model_copy(update=opened if p.at.get("direction") == "rise" else {}) for p in findings.parameters]
+    told = captions(findings.model_copy(update={"parameters": parameters}))
+    assert "t_63 of the rise is not told: the sky fell." in told["steps"]
+    assert "tau_1 of the rise is not told: the sky fell." in told["times"]
+    assert not any(words in told[name] for name in ("steps", "times") for words in ("times as long", "alike in rise"))
 
 
 def test_two_lags_win_by_bic(findings: Findings) -> None:

@@ -21,10 +21,11 @@ from pipeline.findings.figures import (
     Value,
 )
 from pipeline.rigs.mre.current_levels import level_name
+from pipeline.rigs.mre.step import captions
 
 TIME, FORCE = Axis("time", "s"), Axis("axial force", "N")
 _NAMES = ("delay", "time_constant_1", "time_constant_2", "t63", "t90")
-_HEADINGS = {"delay": "L", "time_constant_1": "tau1", "time_constant_2": "tau2", "t63": "t63", "t90": "t90"}
+_HEADINGS = {"delay": "L", "time_constant_1": "tau_1", "time_constant_2": "tau_2", "t63": "t_63", "t90": "t_90"}
 _RUNS = 4
 
 
@@ -40,19 +41,18 @@ def sections(findings: Findings) -> Sequence[Section]:
         blocks.append(_steps_alone(responses[responses["run"] == run], findings, str(run), name, several))
     return [
         Section("response", "Response to steps of the coil current", blocks),
-        Section("times", "Delay and time constants", [_times(findings), _steps_table(findings), _models(findings)]),
+        Section("times", "Delay and time constants", [_times(findings), _steps_table(findings)]),
     ]
 
 
 def _log(part: pd.DataFrame, findings: Findings, run: str, name: str) -> Figure:
     t = part["time"].to_numpy()
     steps = findings.arrays["steps"]
-    rms = float(steps[steps["run"] == run]["rms_residual"].iloc[0])
     return Figure(
         f"log{name.replace(' ', '_')}",
         f"Force and current{name}",
-        f"Does the model follow the force? Samples and model, what it leaves ({rms:.2g} N rms), and the measured current that drives it. A residual that bulges after a step is the "
-        "model's fault; one that wanders is creep or drift.",
+        f"Does the model follow the force? {captions.followed(steps[steps['run'] == run])} A residual that bulges after a step is the model's fault; "
+        "one that wanders is creep or drift.",
         "axial force over time with model; residual; measured coil current",
         [
             Panel(
@@ -94,23 +94,16 @@ def _steps_alone(part: pd.DataFrame, findings: Findings, run: str, name: str, se
         for short in ("t63", "t90"):
             for p in findings.find(short, direction=direction, **({"run": run} if several else {})):
                 if p.value is not None:
-                    marks.append(Rule(x=p.value, label=short))
+                    marks.append(Rule(x=p.value, label=_HEADINGS[short]))
         panels.append(Panel(marks, Axis("time from the onset", "s"), Axis("share of the change", "%"), title))
     return Figure(
         f"steps{name.replace(' ', '_')}",
         f"Switching on and off{name}",
-        f"How fast does the pad answer? {_ratio(findings)}Share of the change of the force (creep taken out) and of the measured current, from the onset of the current.",
+        f"How fast does the pad answer? {captions.answered(findings, run)} Share of the change of the force (creep taken out) and of the measured current, from the onset of the current.",
         "share of the change of force, model and current over the time from the onset, one panel a direction",
         panels,
         columns=2,
     )
-
-
-def _ratio(findings: Findings) -> str:
-    values = {p.at["direction"]: p.value for p in findings.find("t63") if p.value is not None}
-    if not {"rise", "fall"} <= set(values):
-        return ""
-    return f"The fall takes {(values['fall'] or 0.0) / (values['rise'] or 1.0):.2f} times as long as the rise (t63). "
 
 
 def _times(findings: Findings) -> Table:
@@ -136,7 +129,8 @@ def _times(findings: Findings) -> Table:
     return Table(
         "times",
         "Times of rise and fall",
-        "L, tau1 and tau2 are the pad's answer to the measured current; t63 and t90 count from the onset of the current and contain the coil. A filter in the force channel that is not told ('force_filter', 'force_lag') is part of L and tau2. An empty cell is not determined: the parameters tell why.",
+        f"How slow is the pad itself? {captions.slowed(findings)} L, tau_1 and tau_2 answer the measured current; t_63 and t_90 count from its onset and contain the coil. "
+        "A filter of the force that is not told ('force_filter', 'force_lag') is part of L and tau_2. Empty cells are not determined: the parameters tell why.",
         [*first, Column("direction"), *(Column(_HEADINGS[n], "s") for n in _NAMES)],
         rows,
     )
@@ -158,9 +152,9 @@ def _steps_table(findings: Findings) -> Table:
         for r in steps.to_dict("records")
     ]
     return Table(
-        "steps",
+        "gains",
         "Steps",
-        "Found in the measured current. Gains that differ between steps show saturation or remanence: the force is taken as linear in the current within a step only.",
+        f"Do the steps have one gain? {captions.linear(steps)} Gains that differ show saturation or remanence: the force is taken as linear in the current within a step only.",
         [
             Column("run"),
             Column("direction"),
@@ -168,22 +162,8 @@ def _steps_table(findings: Findings) -> Table:
             Column("from", "A"),
             Column("to", "A"),
             Column("held for", "s"),
-            Column("force", "N"),
-            Column("per ampere", "N/A"),
+            Column("change of the force", "N"),
+            Column("gain", "N/A"),
         ],
-        rows,
-    )
-
-
-def _models(findings: Findings) -> Table:
-    rows: list[list[Cell]] = []
-    for model in findings.models:
-        least = min(m.bic for m in findings.models if m.family == model.family and m.bic is not None)
-        rows.append([model.name, model.n_parameters, (model.bic or 0.0) - least, "taken" if model.selected else ""])
-    return Table(
-        "models",
-        "One lag or two",
-        "BIC above the best; 10 and more means that the data do not support the model.",
-        [Column("model"), Column("parameters", "1"), Column("BIC above the best", "1"), Column("taken")],
         rows,
     )
