@@ -1,4 +1,4 @@
-"""What stands beside the numbers as tables: models compared, published values, data quality, runs, logs."""
+"""What stands beside the numbers as tables: published values, data quality, runs, logs."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from pathlib import PurePosixPath
 
 from markupsafe import Markup
 
-from pipeline.findings import Findings, ModelResult, Published, Quality, Run
+from pipeline.errors import listing
+from pipeline.findings import Findings, Published, Quality, Run
 from pipeline.findings.figures import Cell, Column, Mood, Status, Table
 from pipeline.report.gathered import MOST_TOLD, gathered, runs_cell
-from pipeline.report.many_runs import conditions_table, left_out_table, models_summary
+from pipeline.report.many_runs import conditions_table, left_out_table
 from pipeline.report.numbers import plain
 from pipeline.report.parameters import condition_text, unit_of_condition
 from pipeline.report.reading_units import ReadingUnit, reading_unit, typical
@@ -25,60 +26,27 @@ _HASH_DIGITS = 12
 _EXTRACT = 60  # rows that stand for a table too long to be shown, the gravest first
 
 
-def models_table(models: Sequence[ModelResult]) -> TableView:
-    """Compare models; AICc and BIC are shown above the smallest of the family. Very many fits are summed up."""
-    if len(models) > MOST_ROWS:
-        return models_summary(models)
-    least: dict[tuple[str, str], float] = {}
-    for model in models:
-        for name in ("aicc", "bic"):
-            value = getattr(model, name)
-            if value is not None:
-                least[model.family, name] = min(value, least.get((model.family, name), value))
-
-    def above(model: ModelResult, name: str) -> float | None:
-        value = getattr(model, name)
-        return None if value is None else value - least[model.family, name]
-
-    units = {m.unit for m in models if m.rms_residual is not None and m.unit}
-    shared = next(iter(units)) if len(units) == 1 else ""
-
-    def residual(model: ModelResult) -> Cell:
-        if shared or model.rms_residual is None or not model.unit:
-            return model.rms_residual
-        read = reading_unit(model.unit, model.rms_residual)
-        return f"{plain(read.read(model.rms_residual), 3)} {read.name}"
-
-    columns = [
-        Column("Of"), Column("Model"), Column("Parameters"), Column("Data"), Column("rms residual", shared or ("" if units else "1")),
-        Column("NRMSE", "%"), Column("χ² reduced", "1"), Column("ΔAICc", "1"), Column("ΔBIC", "1"),
-        Column("Error on runs left out", "%"), Column("What it is"),
-    ]  # fmt: skip
-    rows: list[list[Cell]] = [
-        [
-            clean(m.family), Markup("<b>{}</b> {}").format(clean(m.name), badge(Status("selected", "ok"))) if m.selected else clean(m.name),
-            m.n_parameters, m.n_data, residual(m), m.nrmse, m.chi2_reduced, above(m, "aicc"),
-            above(m, "bic"), m.cv_error, clean(m.description),
-        ]
-        for m in models
-    ]  # fmt: skip
-    kept = [place for place in range(len(columns)) if any(row[place] not in (None, "") for row in rows)]
-    caption = (
-        "NRMSE is the rms residual over the rms of the measured signal about its mean. ΔAICc and ΔBIC count from the "
-        "best model of the same data; a difference above about 10 is decisive."
-    )
-    return table_view(
-        Table(
-            "models", "Models compared", caption, [columns[c] for c in kept], [[row[c] for c in kept] for row in rows]
-        )
-    )
-
-
 def published_table(published: Sequence[Published]) -> TableView | None:
     """Set published numbers beside those found in these logs, each pair in one unit; None where there are none."""
     entries = [entry for entry in published if entry.basis == "logs"]
     rows = _pairs(sorted(entries, key=_agreement) if len(entries) > MOST_ROWS else entries)
-    return _pairs_view("published", "Published values beside those found", "", "Found", rows) if rows else None
+    return (
+        _pairs_view("published", "Published values beside those found", _held(entries), "Found", rows) if rows else None
+    )
+
+
+def _held(entries: Sequence[Published]) -> str:
+    """Say how many published values agree with what was found."""
+    counts = [(sum(entry.agrees is agrees for entry in entries), *told) for agrees, *told in _COUNTED]
+    told = listing(f"{number} {one if number == 1 else more}" for number, one, more in counts if number)
+    return f"Do the published values hold here? {told}."
+
+
+_COUNTED: Sequence[tuple[bool | None, str, str]] = (
+    (True, "agrees", "agree"),
+    (False, "contradicts what was found", "contradict what was found"),
+    (None, "cannot be checked", "cannot be checked"),
+)
 
 
 def paper_table(published: Sequence[Published]) -> TableView | None:

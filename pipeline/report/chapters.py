@@ -16,7 +16,6 @@ from pipeline.findings import Findings
 from pipeline.findings.figures import Cell, Column, Figure, Section, Table
 from pipeline.report.accounts import (
     logs_table,
-    models_table,
     paper_table,
     published_table,
     quality_table,
@@ -29,6 +28,7 @@ from pipeline.report.citation import bibtex, citation
 from pipeline.report.equations import Equations, equations
 from pipeline.report.figure import FigureView, figure_view
 from pipeline.report.gathered import MOST_TOLD, told
+from pipeline.report.models import models_table
 from pipeline.report.naming import Naming, naming_of
 from pipeline.report.parameters import key_table, parameter_tables
 from pipeline.report.repeating import check, steps, versions

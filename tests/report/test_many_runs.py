@@ -10,9 +10,10 @@ import pytest
 
 from pipeline.findings import Findings, ModelResult, Parameter, Quality, Run
 from pipeline.findings.figures import Axis, Figure, Panel, Points, Section
-from pipeline.report.accounts import logs_table, models_table, quality_table, repairs_table, runs_tables
+from pipeline.report.accounts import logs_table, quality_table, repairs_table, runs_tables
 from pipeline.report.figure import figure_view
 from pipeline.report.gathered import MOST_TOLD, gathered, told
+from pipeline.report.models import models_table
 from pipeline.report.page import render_report
 from pipeline.report.parameters import parameter_tables
 from pipeline.rigs.experiment import Experiment

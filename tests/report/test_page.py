@@ -14,11 +14,12 @@ import pytest
 
 from pipeline.findings import Findings, ModelResult, Parameter, Published, Quality, Run
 from pipeline.findings.figures import Axis, Column, Figure, Line, Panel, Section, Table, Text, Value
-from pipeline.report.accounts import models_table
+from pipeline.report.accounts import published_table
 from pipeline.report.budget import budget_table
 from pipeline.report.chapters import chapters
 from pipeline.report.citation import bibtex, citation
 from pipeline.report.index import IndexEntry, index_entry, render_index
+from pipeline.report.models import models_table
 from pipeline.report.page import render_report
 from pipeline.report.parameters import key_table, parameter_tables
 from pipeline.report.table import table_view
@@ -157,6 +158,24 @@ def test_residuals_of_models_are_told_with_their_units(second: str, unit: str, c
     place = [head.text for head in view.heads].index("rms residual")
     assert view.heads[place].unit == unit
     assert [str(row[place].text).strip() for row in view.rows] == cells
+
+
+def test_the_caption_names_the_model_that_is_taken_and_by_how_much() -> None:
+    best = ModelResult(name="two lags", family="rise", selected=True, n_parameters=3, n_data=9, aicc=-20.0)
+    others = [ModelResult(name="one lag", family=of, n_parameters=2, n_data=9, aicc=-7.0) for of in ("rise", "fall")]
+    assert models_table([best, *others]).caption.startswith(
+        "Which model do the data support? Rise: “two lags”, its AICc 13 below the next. ΔAICc"
+    )
+    simple = ModelResult(name="simple", family="rise", n_parameters=1, n_data=9, aicc=-24.5)
+    assert "although the AICc of another is 4.5 less" in models_table([best, simple]).caption
+    assert "two lags" not in models_table([best.model_copy(update={"selected": False}), simple]).caption
+
+
+def test_the_caption_counts_which_published_values_hold() -> None:
+    told = [Published(name="k", published=1.0, found=1.0, agrees=agrees) for agrees in (True, True, False, None)]
+    view = published_table(told)
+    assert view is not None
+    assert view.caption.endswith("? 2 agree, 1 contradicts what was found, 1 cannot be checked.")
 
 
 def hostile_findings() -> Findings:

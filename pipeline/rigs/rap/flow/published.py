@@ -44,7 +44,7 @@ def _own(found: Campaign) -> list[Published]:
     worst = float(np.abs(errors).max())
     return [
         Published(
-            name="worst error of the device's own estimate", published=WORST_ERROR, found=worst, where=_WHERE, agrees=worst <= WORST_ERROR * 1.02,
+            name="worst error of the device's own estimate", published=WORST_ERROR, unit="%", found=worst, where=_WHERE, agrees=worst <= WORST_ERROR * 1.02,
             remark=f"the device's blood flow as logged, access line open, {errors.size} windows; meter on the {found.location.trusted or 'unknown'} line",
         )
     ]  # fmt: skip
@@ -59,7 +59,7 @@ def _simple(found: Campaign) -> list[Published]:
     worst = int(np.argmax(np.abs(errors)))
     return [
         Published(
-            name="worst error of E0 (strokes counted, volume from the lowest set-point)", published=WORST_ERROR, found=float(np.abs(errors[worst])), where=_WHERE,
+            name="worst error of E0 (strokes counted, volume from the lowest set-point)", published=WORST_ERROR, unit="%", found=float(np.abs(errors[worst])), where=_WHERE,
             agrees=None,
             remark=f"{100 * errors[worst]:+.2f} % at {windows.set_point[worst]:g} mL/min with the access line open: an estimate without any pressure does as well as the "
             "published worst. That does not explain the 9.12 %: the paper's algorithm is not given",
@@ -81,7 +81,7 @@ def _estimators(found: Campaign) -> list[Published]:
         row = next((row for row in rows if row.tube in ("", found.tube)), rows[0])
         told.append(
             Published(
-                name=f"worst error of {estimator}, {row.group}", published=WORST_ERROR, found=row.worst, where=_WHERE, agrees=row.worst <= WORST_ERROR,
+                name=f"worst error of {estimator}, {row.group}", published=WORST_ERROR, unit="%", found=row.worst, where=_WHERE, agrees=row.worst <= WORST_ERROR,
                 remark=f"{row.count} windows, {row.where}; clamped ones too, which the paper's test had not",
             )
         )  # fmt: skip
