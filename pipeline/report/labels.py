@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.findings.figures import Band, Figure, Line, Outline, Panel, Points, Role, Stems
+from pipeline.findings.figures import Band, Figure, Line, Mark, Outline, Panel, Points, Role, Stems
 from pipeline.report.scale import extent
 from pipeline.report.words import clean, text_width
 
@@ -46,13 +46,19 @@ class Key:
 
 
 def label_of(mark: Named, named_by_role: bool) -> str:
-    """Return a mark's label; without one, a role that speaks for itself."""
+    """Return a mark's label; without one, a role that speaks for itself; '' of texts that stand on their points."""
+    if _bare(mark):
+        return ""
     return clean(mark.label) or (mark.role if named_by_role and isinstance(mark.role, str) else "")
+
+
+def _bare(mark: Mark) -> bool:
+    return isinstance(mark, Points) and mark.bare
 
 
 def _roles_differ(panel: Panel) -> bool:
     """Tell whether marks of several roles (measured, model, ...) need telling apart."""
-    roles = {mark.role for mark in panel.marks if isinstance(mark, _Curve)}
+    roles = {mark.role for mark in panel.marks if isinstance(mark, _Curve) and not _bare(mark)}
     return len({role for role in roles if isinstance(role, str)}) > 1
 
 

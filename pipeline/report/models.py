@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence, Set
 
 from markupsafe import Markup
 
@@ -64,7 +64,7 @@ def models_table(models: Sequence[ModelResult]) -> TableView:
     )
 
 
-def _which(models: Sequence[ModelResult], shown: Collection[str]) -> str:
+def _which(models: Sequence[ModelResult], shown: Set[str]) -> str:
     """Say which models are taken and by how much they are better, and what the columns mean that are `shown`."""
     taken = [model for model in models if model.selected]
     said = ["Which model do the data support?"]

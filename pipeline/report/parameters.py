@@ -184,12 +184,18 @@ def _reading(parameter: Parameter, unit: ReadingUnit) -> Reading | None:
     return reading(parameter.value, parameter.std_error, parameter.ci95, unit.size, unit.zero)
 
 
+def _joined(*parts: str) -> str:
+    """Return the parts that say something as one sentence; a full stop at the end of the last one stays."""
+    told = [part for part in parts if part]
+    return "; ".join([*(part.rstrip(".") for part in told[:-1]), *told[-1:]])
+
+
 def _meaning(parameter: Parameter, experiment: Experiment) -> str:
     """Return what a parameter is and, where it could not be determined, why."""
     spec = next((spec for spec in experiment.parameters if spec.name == parameter.name), None)
     declared = spec.description if spec else ""
     if parameter.value is None:
-        return typeset("; ".join(filter(None, (clean(declared), _reason(parameter, declared)))))
+        return typeset(_joined(clean(declared), _reason(parameter, declared)))
     return typeset(clean(parameter.description) or clean(declared))
 
 
@@ -235,7 +241,7 @@ def _list_view(
     values = aligned_readings([row.found for row in rows])
     lines = []
     for number, (row, value) in enumerate(zip(rows, values, strict=True)):
-        what = replace(row.what, below="; ".join(filter(None, (row.what.below, row.parts))))
+        what = replace(row.what, below=_joined(row.what.below, row.parts))
         shown = Shown(value, row.found.interval, "number") if row.found else Shown(_UNDETERMINED, kind="number missing")
         lines.append(
             [
@@ -317,7 +323,7 @@ def _about(parameters: Sequence[Parameter], name: str, experiment: Experiment) -
     for reason, count in reasons.items():
         told = _UNDETERMINED if len(same) == 1 else f"{_UNDETERMINED} in {count} of {len(same)}"
         parts.append(f"{told}: {reason}" if reason else told)
-    return typeset("; ".join(filter(None, parts)) + ".")
+    return typeset(_joined(*parts).rstrip(".") + ".")
 
 
 def _value(parameter: Parameter | None) -> Value | None:

@@ -134,8 +134,8 @@ def _models() -> list[Published]:
         ),
         _row(
             "stiffness by load: vertical shift, ellipse, stronger lobes", "Fig. 6",
-            f"centre {_um(centre)} um, half axes {_um(halves[0])}, {_um(halves[1])} um, curvature {plain[0]:.2f}..{plain[1]:.2f} "
-            f"becomes {dependent[0]:.2f}..{dependent[1]:.2f}",
+            f"centre {_um(centre)} um, half axes {_um(halves[0])}, {_um(halves[1])} um, curvature {plain[0]:.2f} to {plain[1]:.2f} "
+            f"becomes {dependent[0]:.2f} to {dependent[1]:.2f}",
             "3.2, Fig. 6", bool(centre < 0 and halves[1] > halves[0] and dependent[1] > plain[1]),
             "k(W0 + fy) as the paper uses it, k in proportion to W; M1 without it: centre 0, half axes 24.00 um; M3 with "
             "2e12 N/m^2. Curvature is times the mean radius about the equilibrium. An exact ellipse, though 2X/1X is 0.19: elliptic is not linear",
