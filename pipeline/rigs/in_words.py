@@ -46,12 +46,23 @@ def known(parameter: Parameter | None, size: float, unit: str) -> str:
     """
     if parameter is None or parameter.value is None:
         return ""
-    if parameter.ci95 is None:
-        return f"{parameter.value / size:.4g} {unit}".rstrip()
-    low, high = (limit / size for limit in parameter.ci95)
+    return known_as(parameter.value, parameter.ci95, size, unit)
+
+
+def known_as(value: float, ci95: tuple[float, float] | None, size: float, unit: str) -> str:
+    """Return a number that is no parameter as `known` does.
+
+    Examples
+    --------
+    >>> known_as(226425.48, (226283.0, 226568.0), 1e3, "kN/m")
+    '226.43 kN/m (95 %: 226.28 to 226.57 kN/m)'
+    """
+    if ci95 is None:
+        return f"{value / size:.4g} {unit}".rstrip()
+    low, high = (limit / size for limit in ci95)
     half = 0.5 * (high - low)
     digits = max(0, 1 - math.floor(math.log10(half))) if half > 0.0 and math.isfinite(half) else 3
-    shown = (f"{number:.{digits}f}" for number in (parameter.value / size, low, high))
+    shown = (f"{number:.{digits}f}" for number in (value / size, low, high))
     return "{} {u} (95 %: {} to {} {u})".format(*shown, u=unit).replace(" )", ")").replace("  ", " ")
 
 

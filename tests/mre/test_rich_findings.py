@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -11,6 +12,7 @@ from faulty_logs import with_conditions
 from rich_logs import TRUTH, identify, rich, true_values
 
 from pipeline.findings import Findings
+from pipeline.rigs.mre.rich import captions
 from pipeline.rigs.mre.rich.declaration import SHEAR_RICH
 from pipeline.rigs.mre.synthetic import synthesize_rich
 
@@ -55,6 +57,35 @@ def test_the_batch_fit_is_reported_and_the_filter_stands_beside_it() -> None:
         assert row["online"] == pytest.approx(row["batch"], rel=0.05)
     assert set(both().arrays["records"]["online"]) == {"converged"}
     assert {"k1", "k1_low", "k1_high", "time"} <= set(both().arrays["online"].columns)
+
+
+def test_captions_answer_from_the_findings_and_say_what_is_lacking() -> None:
+    arrays = {name: both().arrays[name] for name in ("records", "side_by_side", "online")}
+    records, ends, online = arrays.values()
+    assert captions.reaches(records, ends).startswith("Yes: amplitudes lie on both sides of 1/rho = 0.25 mm")
+    small = records.assign(amplitude_high=2e-4, frequency_high=6.0)
+    assert captions.reaches(small, ends).startswith(
+        "Not everywhere: rich_0a lacks amplitudes above 1.5/rho and frequencies above 1/(2π tau); rich_6a lacks"
+    )
+    assert captions.reaches(records, ends.assign(batch=np.nan)) == (
+        "Not told of rich_0a, rich_6a, where rho or tau is not determined."
+    )
+    assert captions.trusted(records.assign(online="diverged")) == "In no record: its numbers are not to be used."
+    first, part = ends[ends["run"] == "rich_0a"], online[online["run"] == "rich_0a"]
+    assert re.fullmatch(
+        r"From \d+ s on it stays within 5 % of it; \w+ is found last\.", captions.found_online(part, first)
+    )
+    assert captions.found_online(part.assign(rho=5e3), first) == "It does not: rho is more than 5 % off it at the end."
+    assert captions.agree(first).startswith("Yes: all 9 lie within")
+    moved = first.assign(batch=first["batch"].where(first["name"] != "k2", 1.0), difference=2.0)
+    assert captions.agree(moved) == "8 of 9 within the 95 % that the filter claims; not k2 (+200.0 %)."
+    k2 = [both().one("k2", coil_current=level) for level in (0.0, 6.0)]
+    assert captions.added(k2, None).startswith("From 0 to 6 A 226.")
+    assert captions.added(k2[:1] * 2, None) == "Not told: the records are all at one current."
+    assert (
+        captions.white(both().arrays["residual_checks"].assign(p_value=0.5))
+        == "None of 4 tests find something besides it."
+    )
 
 
 def test_records_agree_in_what_the_paper_takes_for_common() -> None:

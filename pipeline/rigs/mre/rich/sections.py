@@ -25,6 +25,7 @@ from pipeline.findings.figures import (
 )
 from pipeline.rigs.in_words import chance
 from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
+from pipeline.rigs.mre.rich import captions
 from pipeline.rigs.mre.rich.sections_online import of_online
 from pipeline.rigs.mre.shear.sections_field import level_text
 
@@ -74,6 +75,7 @@ def _of_run(table: pd.DataFrame, run: str) -> pd.DataFrame:
 
 
 def _reach(findings: Findings) -> list[Table]:
+    reaches = captions.reaches(findings.arrays["records"], findings.arrays["side_by_side"])
     rows = []
     for row in findings.arrays["records"].to_dict("records"):
         rows.append(
@@ -91,7 +93,7 @@ def _reach(findings: Findings) -> list[Table]:
         Table(
             "records",
             "What the records hold",
-            "Do amplitudes and frequencies reach far enough? Between which nine strokes in ten lie. Misfit of the force (rms) of the "
+            f"Do amplitudes and frequencies reach far enough? {reaches} Nine strokes in ten lie between those told. Misfit of the force (rms) of the "
             "fit to the whole record, and of the fit to its first half in the second.",
             [
                 Column("run"),
@@ -128,8 +130,8 @@ def _loops(findings: Findings, titles: dict[str, str]) -> list[Figure]:
         Figure(
             "loops",
             "Force over displacement",
-            "Does the model follow loops of every size? Thinned samples of the whole record, the model on top of them; beside "
-            "it what is left, to its own scale. A residual that opens with the displacement would be the model's fault.",
+            f"Does the model follow loops of every size? {captions.followed(findings.arrays['records'], table)} Thinned samples of the whole record, the "
+            "model on top of them; beside it what is left, to its own scale.",
             "force over displacement, measured and model, and the residual over displacement, one row a record",
             panels,
             columns=2,
@@ -156,7 +158,7 @@ def _time(findings: Findings, titles: dict[str, str]) -> list[Figure]:
         Figure(
             "time",
             "Force over time",
-            "Does the model follow in time? Two seconds of the second half; the parameters are those of the whole record.",
+            f"Does the model follow in time? {captions.missed(table)} Two seconds of the second half; the parameters are those of the whole record.",
             "force over time, measured and model, and residual over time",
             panels,
             columns=1,
@@ -171,12 +173,13 @@ def _field(findings: Findings) -> list[Table]:
     if len(found) < 2:
         return []
     base = found[0]
+    damping = {str(p.at): p for p in findings.find("s_mr")}
     rows: list[list[Cell]] = []
     for p in found:
         value, sd = float(p.value or 0.0), float(p.std_error or 0.0)
         sd_base = float(base.std_error or 0.0)
         gained = Value(value - float(base.value or 0.0), float(np.hypot(sd, sd_base))) if p is not base else None
-        viscous = next((q for q in findings.find("s_mr", **p.at)), None)
+        viscous = damping.get(str(p.at))
         rows.append(
             [
                 level_text(float(p.at["coil_current"])),
@@ -189,8 +192,8 @@ def _field(findings: Findings) -> list[Table]:
         Table(
             "field",
             "What the field adds",
-            f"k2 of each record holds k_MR; its gain over the record at {level_text(float(base.at['coil_current']))} is k_MR's. s_MR is "
-            "fitted where there is a field.",
+            f"What does the field add? {captions.added(found, damping.get(str(found[-1].at)))} k2 of each record holds k_MR: what it gains is k_MR's. "
+            "s_MR is fitted where there is a field.",
             [Column("current"), Column("k2 with the field", "N/m"), Column("gain", "N/m"), Column("s_MR", "N s/m")],
             rows,
         )
@@ -219,13 +222,9 @@ def _agreement(findings: Findings) -> list[Table]:
         Table(
             "agreement",
             "What is said not to depend on the current",
-            "The paper takes these for common to all currents. Each record was fitted on its own; common value by their covariances, and how "
-            f"far each record lies off it. The chance of differences as large is {chance(float(first['p_value']))}: "
-            + (
-                "the records agree, as the paper assumes."
-                if agrees
-                else "they differ beyond chance, so the assumption does not hold here."
-            ),
+            "Are these common to all currents, as the paper takes them? "
+            f"{'Yes' if agrees else 'No, they differ beyond chance'}: the chance of differences as large is {chance(float(first['p_value']))}. Each record "
+            "was fitted on its own; common value by their covariances, and how far each record lies off it.",
             [Column("parameter"), Column("common value"), *(Column(str(run)) for run in runs)],
             rows,
         )
@@ -277,7 +276,7 @@ def _spectra(findings: Findings, titles: dict[str, str]) -> list[Figure]:
         Figure(
             "spectra",
             "Spectra of what is left",
-            "Is what is left only noise? White noise is flat. An excess where the motion is (3 times below the cut-off) is model, "
+            f"Is what is left only noise? {captions.left_where_moved(table, findings.arrays['records'])} White noise is flat. An excess there is model, "
             "or noise of the displacement times the stiffness; a line is mains hum, which the batch fit takes out.",
             "power spectral density of batch residual and filter innovations over frequency",
             panels,
@@ -295,8 +294,8 @@ def _checks(findings: Findings) -> list[Table]:
         Table(
             "residual_checks",
             "Tests of what is left",
-            "A chance below 1 % says that something is left besides white noise, the last column how much: the low-pass against aliasing ties neighbours "
-            "together, and so do the displacement's noise and hum. Intervals of the batch fit allow for the colour; those of the filter do not.",
+            f"Is what is left white noise? {captions.white(table)} A chance below 1 % says no, the last column how far: the low-pass against aliasing ties "
+            "neighbours together, and so do the displacement's noise and hum. Intervals of the batch fit allow for the colour; those of the filter do not.",
             [Column("of"), Column("test"), Column("chance"), Column("result")],
             rows,
         )

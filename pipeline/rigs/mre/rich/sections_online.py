@@ -19,6 +19,7 @@ from pipeline.findings.figures import (
     Table,
     Text,
 )
+from pipeline.rigs.mre.rich import captions
 
 _SYMBOLS = {
     "k1": "k1",
@@ -91,8 +92,8 @@ def _verdicts(findings: Findings) -> Table:
     return Table(
         "online_verdicts",
         "State of the filter",
-        "Innovations are the force less what the filter predicted one step before, of the second half of the record; beside them the noise "
-        "that they should not exceed by half: that of the force, or what the batch fit leaves.",
+        f"May the filter be trusted? {captions.trusted(findings.arrays['records'])} Innovations are the force less what the filter predicted one step before, of the "
+        "second half of the record; beside them the noise that they should not exceed by half: that of the force, or what the batch fit leaves.",
         [Column("run"), Column("filter"), Column("innovation, rms", "N"), Column("noise", "N"), Column("why")],
         rows,
     )
@@ -120,8 +121,8 @@ def _over_time(findings: Findings, run: str, title: str) -> Figure:
     return Figure(
         f"online_{run}",
         f"Parameters over time, {title}",
-        "How does the online filter find the parameters, and does it end where the batch fit does? Line and band: the filter with the 95 % that it claims; "
-        "grey: the batch fit of the whole record. What is off the scale at the start is cut.",
+        f"When does the online filter find what the batch fit finds? {captions.found_online(part, ends[ends['run'] == run])} Line and band: the filter with the 95 % "
+        "that it claims; grey: the batch fit of the whole record. What is off the scale at the start is cut.",
         "each parameter over time as the filter estimates it, with its band and the value of the batch fit",
         panels,
         columns=2,
@@ -158,7 +159,8 @@ def _side_by_side(findings: Findings, run: str, title: str) -> Table:
     return Table(
         f"side_by_side_{run}",
         f"Both methods, {title}",
-        "Value and half of the 95 % interval; of the filter, the state at the end and the half width that it claims. Only the batch column is a finding.",
+        f"Do both methods agree? {captions.agree(of_run.reset_index())} Value and half of the 95 % interval; of the filter, the state at the end and the half width "
+        "that it claims. Only the batch column is a finding.",
         [
             Column("parameter"),
             Column("unit"),
