@@ -167,6 +167,16 @@ def test_sixteen_series_look_different_and_their_key_stands_outside_the_panel() 
     assert "run 7" not in {"".join(t.itertext()) for t in ElementTree.fromstring(view.grids[0][1][0]).iter("text")}
 
 
+def test_texts_that_stand_on_their_points_need_no_entry_in_the_key() -> None:
+    x = np.arange(5.0)
+    on_it = Points(x[:1], x[:1], "reference", texts=["I_s"], bare=True)
+    assert not keys(figure([Points(x, x, "measured"), on_it]), 1)
+    assert [entry.label for entry in keys(figure([Line(x, -x, 0, "law"), Points(x[::-1], x, 1, "up"), on_it]), 3)] == [
+        "law",
+        "up",
+    ]
+
+
 def test_a_panel_is_told_to_a_screen_reader() -> None:
     x = np.linspace(0, 1e-3, 20)
     marks: list[Mark] = [
