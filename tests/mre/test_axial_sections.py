@@ -108,7 +108,7 @@ def test_captions_answer_with_the_numbers_of_the_campaign(example: Findings) -> 
     assert "every sample counts" in told["motion"]
     assert "Yes, within rounding" in told["gauge"]
     assert "Of the loading work 26." in told["stiffness"]
-    assert "N) at 2 A. It builds up over 1/ρ = 4" in told["model"]
+    assert "N) at 2 A. It builds up over 1/rho = 4" in told["model"]
 
 
 def test_captions_of_a_campaign_that_tells_nothing_say_why(example: Findings) -> None:

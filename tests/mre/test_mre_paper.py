@@ -35,6 +35,8 @@ def test_every_row_stands_in_one_experiment_and_is_of_the_paper_alone() -> None:
         ("power at 4 A", 110.4, True),
         ("ampere-turns at 6 A", 9000.0, False),
         ("pull of the poles at 0.8 T on the area of a pad", 500.0, None),
+        ("strain at 700 N preload, at most for Hooke's law", 0.2257, False),
+        ("force increment at 2 A by the straight line to 6 A, beside the stiffening there", 0.21, False),
     ],
 )
 def test_number_and_verdict(name: str, found: float, agrees: bool | None) -> None:
@@ -65,10 +67,8 @@ def test_what_else_the_sheet_computes_is_told(name: str, words: list[str]) -> No
         ("MR effect from the printed stiffness, 200 N and 700 N", "81.8 %, 40.0 %"),
         ("stiffness from 200 N to 700 N preload, 0 A and 6 A", "+51.5 %, +16.7 %"),
         ("friction that 200 N over two pads needs, at 200 N and 700 N", "0.50, 0.14"),
-        ("strain at 700 N preload", "22.6 %"),
         ("gap that 10000 and 6000 ampere-turns magnetise to 0.8 T", "15.7 mm, 9.4 mm"),
         ("wire gauge of 1.02 mm", "AWG 18"),
-        ("force increment at 2 A by the straight line to 6 A", "+21 %"),
     ],
 )
 def test_numbers_that_are_told_together(name: str, found: str) -> None:

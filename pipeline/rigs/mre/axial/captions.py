@@ -90,10 +90,10 @@ def definitions(findings: Findings) -> str:
 
 def hysteresis(findings: Findings) -> str:
     """Say how large the hysteretic force is, and over which displacement it builds up."""
-    told = _at_ends(findings, "alpha", 1.0, "N", "Hysteresis reaches α = {}")
+    told = _at_ends(findings, "alpha", 1.0, "N", "Hysteresis reaches alpha = {}")
     yields = [1e6 / p.value for p in findings.find("rho") if p.value is not None]
     most = max(yields, default=0.0)
-    return f"{told} It builds up over 1/ρ = {span(yields, _decimals(most), 'µm')}." if told and yields else told
+    return f"{told} It builds up over 1/rho = {span(yields, _decimals(most), 'µm')}." if told and yields else told
 
 
 def motion(runs: pd.DataFrame) -> str:

@@ -46,7 +46,7 @@ PARAMETERS = (
     ParameterSpec("stiffness", "k", "N/m", "linear stiffness of the loop model", _LOOP),
     ParameterSpec("stiffness_cubic", "k_3", "N/m^3", "cubic stiffness of the loop model", _LOOP),
     ParameterSpec("alpha", r"\alpha", "N", "largest hysteretic force", _LOOP),
-    ParameterSpec("rho", r"\rho", "1/m", "slope of w at the origin; 1/ρ is the yield displacement", _LOOP),
+    ParameterSpec("rho", r"\rho", "1/m", "slope of w at the origin; 1/rho is the yield displacement", _LOOP),
     ParameterSpec("stiffness_secant", r"F(d_{max})/d_{max}", "N/m", "force at the turn over displacement, offset removed", _OWN, key=True),
     ParameterSpec(
         "stiffness_slope", r"dF/dd", "N/m", "regression of the loading branch over 20 to 80 % of d_max", _OWN, key=True

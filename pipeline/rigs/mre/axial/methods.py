@@ -36,7 +36,7 @@ def _motion(runs: pd.DataFrame) -> str:
 
 def _model() -> str:
     return (
-        "The force is F = k d + k_3 d^3 + α w + F_off with w' = ρ (d' − |d'| w), the Bouc-Wen law with C = n = 1 (Brancati et al. 2019, eq. 12; Ismail et al. 2009), which has a "
+        "The force is F = k d + k_3 d^3 + alpha w + F_off with w' = rho (d' − |d'| w), the Bouc-Wen law with C = n = 1 (Brancati et al. 2019, eq. 12; Ismail et al. 2009), which has a "
         "closed form on every stroke; w is 0 at first contact, where displacement is counted from. It is linear in all but rho, which was searched by variable projection (Golub and "
         "Pereyra 1973). Then all unknowns, the coefficients of the motion among them, were fitted to the force samples and to the gauge's passages together, each with its own error: the force "
         "tells the moment of the turn better than the gauge. The log may begin up to a sample after the motion."
@@ -46,7 +46,7 @@ def _model() -> str:
 def _numbers() -> str:
     return (
         "Secant stiffness is the force of the model at the turn, F_off removed, over the displacement there; slope stiffness is the regression of the loading branch over 20 to 80 % of the "
-        "stroke; loss ratio is the work lost in a full loop over the work of loading; the unloading drop is α (1 + w_m). Stiffening is the ratio to the run at 0 A less 1. A jump of the gauge or "
+        "stroke; loss ratio is the work lost in a full loop over the work of loading; the unloading drop is alpha (1 + w_m). Stiffening is the ratio to the run at 0 A less 1. A jump of the gauge or "
         "of the force, and a step of the force at every turn, are sought in every run; what is found is said. Relaxation and viscosity act like hysteresis in a loop at one rate and are in "
         "these numbers."
     )

@@ -153,12 +153,12 @@ def _rho(fit: LoopFit, allowed: np.ndarray, sharp: bool) -> Estimate:
     if allowed[-1]:
         return undetermined(
             "rho",
-            f"1/ρ is too small to be seen, less than {1e6 / low:.2g} um; the gauge and the samples do not resolve it",
+            f"1/rho is too small to be seen, less than {1e6 / low:.2g} um; the gauge and the samples do not resolve it",
         )
     if allowed[0]:
         sum_ = fit.model.k + fit.model.alpha * fit.model.rho
         return undetermined(
-            "rho", f"1/ρ is as large as the stroke ({1e3 * length:.3g} mm) or larger, at least {1e3 / high:.2g} mm; only k + α ρ = {sum_:.4g} N/m is known",
+            "rho", f"1/rho is as large as the stroke ({1e3 * length:.3g} mm) or larger, at least {1e3 / high:.2g} mm; only k + alpha rho = {sum_:.4g} N/m is known",
         )  # fmt: skip
     if high / low > 1 / (1 - _OPEN) ** 2:
         return undetermined("rho", f"anything from {low:.3g} to {high:.3g} 1/m fits")

@@ -38,7 +38,7 @@ def _beside_theory(levels: Sequence[Level], theory: Theory | list[str]) -> list[
     near = abs(found / theory.stiffness - 1)
     far = abs(found / theory.bonded - 1)
     remark = (
-        f"secant at 0 A beside E A/h by eq. (1); with faces that do not slip it would be {theory.bonded / 1e3:.4g} N/mm "
+        f"secant at 0 A beside E A/h by eq. (1); with faces that do not slip it would be {theory.bonded / 1e3:.4g} kN/m "
         f"(E_c = E (1 + 2 S^2), S = {theory.shape_factor:.3f}). "
     )
     remark += (

@@ -25,16 +25,17 @@ from pipeline.findings.figures import (
 )
 from pipeline.rigs.mre.axial import captions
 from pipeline.rigs.mre.axial.captions import place
+from pipeline.rigs.mre.axial.sections_motion import gauge, runs_seen
 from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
 
-_D, _F = Axis("compression", "m"), Axis("force", "N")
+_D, _F, _REST = Axis("compression", "m"), Axis("force", "N"), Axis("residual", "N")
 _PANELS = 12
 _STIFFNESSES = {"stiffness_secant": "secant", "stiffness_slope": "slope"}
 _MODEL = {
     "stiffness": Column("k", "N/m"),
     "stiffness_cubic": Column("k_3", "N/m^3"),
-    "alpha": Column("α", "N"),
-    "rho": Column("ρ", "1/m"),
+    "alpha": Column("alpha", "N"),
+    "rho": Column("rho", "1/m"),
 }
 
 
@@ -71,7 +72,9 @@ def _loops(findings: Findings) -> list[Figure | Table | Text]:
         ]
         marks += _theory_lines(findings, float(x.max()))
         panels.append(Panel(marks, _D, _F, _title(row)))
-        rest.append(Panel([Points(x, cloud["residual"].to_numpy(float), "residual"), Rule(y=0.0)], _D, _F, _title(row)))
+        rest.append(
+            Panel([Points(x, cloud["residual"].to_numpy(float), "residual"), Rule(y=0.0)], _D, _REST, _title(row))
+        )
     number = f"the first {len(shown)} of {len(runs)} runs" if len(runs) > len(shown) else "every run"
     theory = (
         f" Dashed: E A/h by eq. (1). {captions.theory_beside(findings)}".rstrip() if "theory" in findings.arrays else ""
@@ -125,8 +128,8 @@ def _shape_remark(findings: Findings) -> list[Text]:
     for row in theory.head(3).to_dict("records"):
         factor = row["bonded"] / row["stiffness"]
         said.append(
-            f"Theory without field: E = {row['modulus'] / 1e6:.3g} MPa and E A/h = {row['stiffness'] / 1e3:.4g} N/mm. That holds for faces that slip freely. With a shape factor S = d/(4 h) = "
-            f"{row['shape_factor']:.3f}, faces that cannot slip would make an incompressible pad {factor:.3g} times as stiff (E_c = E (1 + 2 S^2) after Gent and Lindley, {row['bonded'] / 1e3:.4g} N/mm): a measured "
+            f"Theory without field: E = {row['modulus'] / 1e6:.3g} MPa and E A/h = {row['stiffness'] / 1e3:.4g} kN/m. That holds for faces that slip freely. With a shape factor S = d/(4 h) = "
+            f"{row['shape_factor']:.3f}, faces that cannot slip would make an incompressible pad {factor:.3g} times as stiff (E_c = E (1 + 2 S^2) after Gent and Lindley, {row['bonded'] / 1e3:.4g} kN/m): a measured "
             "stiffness near E A/h means well lubricated faces or a compressible compound."
         )
     return [Text(said)]
@@ -232,7 +235,7 @@ def _run_table(runs: pd.DataFrame) -> Table:
             Column("coil current", "A"),
             Column("secant", "N/m"),
             Column("slope", "N/m"),
-            Column("α", "N"),
+            Column("alpha", "N"),
             Column("loss over loading work", "%"),
         ],
         rows,
@@ -252,58 +255,10 @@ def _model(findings: Findings) -> list[Figure | Table | Text]:
         _joined(
             "What is elastic in the loop and what is hysteresis?",
             captions.hysteresis(findings),
-            "F = k d + k_3 d^3 + α w + F_off, w' = ρ (d' − |d'| w). Where 1/ρ is far below what the gauge resolves or beyond the stroke, ρ is not told.",
+            "k: spring; k_3: its stiffening; alpha: largest hysteretic force; 1/rho: displacement over which it builds up, not told where it is far below what "
+            "the gauge resolves or beyond the stroke.",
         ),
         [Column("coil current"), *_MODEL.values()],
         rows,
     )
-    runs = findings.arrays["runs"]
-    fits = Table(
-        "motion",
-        "What was seen of each run",
-        f"How was the pad moved, and how much does each run tell? {captions.motion(runs)} Motion between the gauge's steps as its passages ask for; samples that "
-        "count: how many independent ones the residual amounts to.",
-        [
-            Column("run"), Column("d_max", "m"), Column("rate", "m/s"), Column("motion"), Column("gauge step", "m"), Column("samples"), Column("that count"),
-            Column("residual (rms)", "N"), Column("over force", "%"), Column("F_off", "N"),
-        ],
-        [
-            [
-                str(r["run"]), r["d_max"], r["rate"], str(r["motion"]), r["gauge_step"] or "fine", int(r["samples"]), round(r["effective"]), r["residual"], r["nrmse"], r["offset"],
-            ]
-            for r in runs.head(100).to_dict("records")
-        ],
-    )  # fmt: skip
-    return [table, fits, *_gauge(findings)]
-
-
-def _gauge(findings: Findings) -> list[Figure]:
-    runs, samples = findings.arrays["runs"], findings.arrays["samples"]
-    coarse = runs[(runs["gauge_step"] > 0) & (runs["motion"] != "not smooth")]
-    if coarse.empty:
-        return []
-    row = coarse.iloc[0]
-    part = samples[samples["run"] == row["run"]]
-    off = part["reading"].to_numpy(float) - part["displacement"].to_numpy(float)
-    # The motion counts from first contact; the reading has a zero of its own.
-    off = off - np.nanmedian(off)
-    time = part["time"].to_numpy(float)
-    return [
-        Figure(
-            "gauge",
-            "Gauge and motion",
-            f"Is the motion between the gauge's steps right? {captions.between_steps(off, row['gauge_step'], str(row['run']))}",
-            "reading of the gauge less the fitted motion over time",
-            [
-                Panel(
-                    [
-                        Points(time, off, "residual"),
-                        Rule(y=row["gauge_step"] / 2, label="half a step"),
-                        Rule(y=-row["gauge_step"] / 2),
-                    ],
-                    Axis("time", "s"),
-                    Axis("reading less motion", "m"),
-                )
-            ],
-        )
-    ]
+    return [table, runs_seen(findings.arrays["runs"]), *gauge(findings)]

@@ -13,8 +13,8 @@ from pipeline.rigs.mre.axial.run_fit import RunFit
 _TEXTS = {
     "linear": "k d + F_off",
     "elastic": "k d + k_3 d^3 + F_off",
-    "hysteretic": "k d + α w + F_off",
-    "full": "k d + k_3 d^3 + α w + F_off",
+    "hysteretic": "k d + alpha w + F_off",
+    "full": "k d + k_3 d^3 + alpha w + F_off",
 }
 
 

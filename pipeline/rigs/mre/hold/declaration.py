@@ -74,7 +74,7 @@ CONDITIONS = (
     *SAMPLE,
     *MICROMECHANICS,
 )
-_LAW, _FIELD = "not in the paper; Fig. 10", "not in the paper; section 5.2"
+_LAW, _FIELD = "own law for Fig. 10", "own law for section 5.2"
 PARAMETERS = (
     ParameterSpec(
         "force_initial",
@@ -92,7 +92,7 @@ PARAMETERS = (
         "sharpness",
         "p",
         "1",
-        "sharpness of the bend: 1 the law of Froehlich and Kennelly, 2 to 3 much like a hyperbolic tangent, large straight and then flat",
+        "sharpness of the bend: 1 as Froehlich and Kennelly, 2 to 3 as a hyperbolic tangent, large straight and then flat",
         _LAW,
         key=True,
     ),
