@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from pipeline.errors import counted
 from pipeline.findings import Parameter
 
 _RARE = 1e-4
+_SIGNIFICANT = 0.01
 
 
 def chance(p_value: float) -> str:
@@ -73,6 +75,24 @@ def span(values: Iterable[float], digits: int, unit: str = "") -> str:
         return "unknown"
     low, high = (f"{round(limit, digits) + 0.0:.{digits}f}" for limit in (min(finite), max(finite)))
     return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
+
+
+def found_by_tests(p_values: Iterable[float]) -> str:
+    """Return how many tests of a residual find something besides noise: their p-value is below 1 %; NaN is no test.
+
+    Examples
+    --------
+    >>> found_by_tests([0.2, 0.001])
+    '1 of 2 tests finds more.'
+    """
+    known_ones = [p for p in p_values if math.isfinite(p)]
+    found = sum(p < _SIGNIFICANT for p in known_ones)
+    if not known_ones:
+        return "Not told: there are too few data for a test."
+    tests = counted(len(known_ones), "test")
+    return (
+        f"None of {tests} finds more." if not found else f"{found} of {tests} {'finds' if found == 1 else 'find'} more."
+    )
 
 
 def sentence(text: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.findings import Findings
+from pipeline.findings import Findings, Parameter
 from pipeline.findings.figures import Figure, Line, Points, Section, Table
 from pipeline.findings.storage import read, write
 from pipeline.recording import Channel, Recording, Stream
@@ -102,11 +102,10 @@ def test_chapters_are_made_from_what_is_on_disk(campaign: Callable[[], list[Reco
     for chapter in chapters:
         assert chapter.blocks, f"the chapter '{chapter.name}' is empty"
     for name, block in blocks(chapters).items():
-        assert block.caption, name
+        assert "?" in block.caption, f"the caption of '{name}' asks nothing"
         if isinstance(block, Table):
             assert all(len(row) == len(block.columns) for row in block.rows), name
             continue
-        assert "?" in block.caption, f"the caption of '{name}' asks nothing"
         for panel in block.panels:
             assert panel.marks, name
             for mark in panel.marks:
@@ -167,3 +166,28 @@ def test_captions_answer_from_the_tables_and_say_nothing_where_nothing_is_known(
     loops = pd.DataFrame({"run": ["a", "a", "b"], "force": [10.0, -20.0, 5.0], "residual": [0.1, -0.2, np.nan]})
     assert captions.missed(loops) == "At most 1 % of the largest force, 0.2 N (run a)."
     assert captions.missed(loops.assign(residual=np.nan)) == ""
+    told = captions.between(runs, {"stiffness_secant": ("K_sec", 1e3, "kN/m"), "damping": ("damping", 1.0, "N s/m")})
+    assert told == "K_sec between 300 (a) and 500 kN/m (c) and damping between 900 (c) and 2000 N s/m (a)."
+    runs["chi2_reduced"] = [0.8, 1.2, 9.0]
+    assert captions.stands_out(runs) == "Yes, c: chi2 per datum is 9, 1.2 in the middle run."
+    assert captions.stands_out(runs[:2]) == "No: chi2 per datum is at most 1.2 (b), 1 in the middle run."
+
+
+def test_the_field_is_told_at_equal_amplitude_first_and_why_it_is_not() -> None:
+    def effect(name: str, value: float | None, preload: float, current: float = 6.0) -> Parameter:
+        ci95 = None if value is None else (value - 0.001, value + 0.001)
+        at: dict[str, float | str | bool] = {"coil_current": current, "preload": preload}
+        return Parameter(
+            name=name, value=value, ci95=ci95, symbol="e", unit="1", at=at, description="the model is rejected"
+        )
+
+    some = [
+        effect("mr_effect_amplitude", None, 200.0),
+        effect("mr_effect_force", 0.82, 200.0),
+        effect("mr_effect_force", 0.3, 200.0, 2.0),
+    ]
+    findings = Findings(campaign="c", experiment="mre.shear", verdict="warning", reasons=["r"], parameters=some)
+    assert captions.gained(findings) == (
+        "At 6 A, at equal amplitude not told (the model is rejected); at equal force 82.00 % (95 %: 81.90 to 82.10 %) at 200 N."
+    )
+    assert captions.gained(findings.model_copy(update={"parameters": []})).startswith("Not told: there is no pair")

@@ -20,7 +20,6 @@ _BEYOND_YIELD = 1.5  # amplitudes times rho that the design rules ask for
 _NEAR = 0.05  # of the value of the batch fit
 _WATCHED = ("k1", "tau", "k2", "alpha_bw", "rho", "c_bw", "n_bw")
 _WHITE = 1.1  # power density where the motion is, over that elsewhere
-_SIGNIFICANCE = 0.01
 _TOLD = 3
 
 
@@ -152,11 +151,3 @@ def left_where_moved(spectra: pd.DataFrame, records: pd.DataFrame) -> str:
         return ""
     times = f"where the motion is, the batch fit leaves {span(ratios, 1)} times the power density of the rest"
     return f"{'Yes' if np.max(ratios) < _WHITE else 'Not only white noise'}: {times}."
-
-
-def white(checks: pd.DataFrame) -> str:
-    """Say how many of the tests find something besides white noise."""
-    found = int((checks["p_value"] < _SIGNIFICANCE).sum())
-    return (
-        f"{found or 'None'} of {counted(len(checks), 'test')} {'finds' if found == 1 else 'find'} something besides it."
-    )

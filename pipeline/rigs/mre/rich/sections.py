@@ -23,11 +23,11 @@ from pipeline.findings.figures import (
     Table,
     Value,
 )
-from pipeline.rigs.in_words import chance
+from pipeline.rigs.in_words import chance, found_by_tests
 from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
 from pipeline.rigs.mre.rich import captions
 from pipeline.rigs.mre.rich.sections_online import of_online
-from pipeline.rigs.mre.shear.sections_field import level_text
+from pipeline.rigs.mre.shear.captions import level_text
 
 DISPLACEMENT, FORCE, TIME = Axis("displacement", "m"), Axis("force", "N"), Axis("time", "s")
 _SHOWN = 6
@@ -294,7 +294,7 @@ def _checks(findings: Findings) -> list[Table]:
         Table(
             "residual_checks",
             "Tests of what is left",
-            f"Is what is left white noise? {captions.white(table)} A chance below 1 % says no, the last column how far: the low-pass against aliasing ties "
+            f"Is what is left only white noise? {found_by_tests(table['p_value'])} A chance below 1 % says no, the last column how far: the low-pass against aliasing ties "
             "neighbours together, and so do the displacement's noise and hum. Intervals of the batch fit allow for the colour; those of the filter do not.",
             [Column("of"), Column("test"), Column("chance"), Column("result")],
             rows,

@@ -1,16 +1,28 @@
-"""What captions answer, read from the tables of the findings."""
+"""What captions answer, read from the tables of the findings, and how they name a current."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from pipeline.rigs.mre.shear.sections_field import level_text
+from pipeline.rigs.in_words import known
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pipeline.findings import Findings
+
+_EFFECTS = {"mr_effect_amplitude": "equal amplitude", "mr_effect_force": "equal force"}
+LOOPS = {"stiffness_secant": ("K_sec", 1e3, "kN/m"), "loss_factor": ("loss factors", 1.0, "")}
+MODULI = {"shear_modulus_storage": ("G'", 1e6, "MPa"), "shear_modulus_loss": ("G''", 1e6, "MPa")}
+_ODD = 3.0  # times the middle run, and times what noise explains
 _OTHER = {"frequency": "amplitude", "amplitude": "frequency"}
+
+
+def level_text(current: float | None) -> str:
+    """Return a current for a label, an empty text where there is none."""
+    return "" if current is None or not math.isfinite(current) else f"{round(current, 2):g} A"
 
 
 def followed(runs: pd.DataFrame) -> str:
@@ -48,6 +60,51 @@ def course(runs: pd.DataFrame, over: str) -> str:
         )
         return told[0].upper() + told[1:]
     return ""
+
+
+def between(runs: pd.DataFrame, names: Mapping[str, tuple[str, float, str]]) -> str:
+    """Say between which runs each number goes; `names` are columns of it with a symbol, the size of a unit and the unit."""
+    told = []
+    for name, (symbol, size, unit) in names.items():
+        low, high = (runs.iloc[int(at)] for at in (runs[name].argmin(), runs[name].argmax()))
+        least, most = (_three(row[name] / size) for row in (low, high))
+        told.append(f"{symbol} between {least} ({low['run']}) and {most}{unit and f' {unit}'} ({high['run']})")
+    return f"{' and '.join(told)}."
+
+
+def gained(findings: Findings) -> str:
+    """Say what the largest current adds to the stiffness at each preload, at equal amplitude and at equal force."""
+    found = [p for p in findings.parameters if p.name in _EFFECTS]
+    if not found:
+        return "Not told: there is no pair of a run with and one without current."
+    top = max(float(p.at["coil_current"]) for p in found)
+    told = []
+    for name, where in _EFFECTS.items():
+        at = [p for p in found if p.name == name and float(p.at["coil_current"]) == top]
+        ends = [p for p in at if p.value is not None]
+        ends = ends if len(ends) < 3 else [ends[0], ends[-1]]
+        said = " and ".join(f"{known(p, 0.01, '%')} at {float(p.at.get('preload', 0.0)):g} N" for p in ends)
+        if at:
+            reason = at[0].description.rstrip(".")
+            told.append(f"at {where} {said or f'not told ({reason})'}")
+    return f"At {top:g} A, {'; '.join(told)}."
+
+
+def stands_out(used: pd.DataFrame) -> str:
+    """Say which run is met worst, and whether it is out of line with the others."""
+    worst, middle = used.iloc[int(used["chi2_reduced"].argmax())], float(used["chi2_reduced"].median())
+    most = float(worst["chi2_reduced"])
+    odd = most > _ODD * max(middle, 1.0)
+    answer = (
+        f"Yes, {worst['run']}: chi2 per datum is {most:.3g}"
+        if odd
+        else f"No: chi2 per datum is at most {most:.3g} ({worst['run']})"
+    )
+    return f"{answer}, {middle:.2g} in the middle run."
+
+
+def _three(value: float) -> str:
+    return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}" if value else "0"
 
 
 def _percent(share: float) -> str:

@@ -24,7 +24,8 @@ from pipeline.findings.figures import (
 )
 from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
 from pipeline.rigs.mre.shear import captions
-from pipeline.rigs.mre.shear.sections_field import level_text, of_field
+from pipeline.rigs.mre.shear.captions import level_text
+from pipeline.rigs.mre.shear.sections_field import of_field
 from pipeline.rigs.mre.shear.sections_fit import of_fit
 from pipeline.rigs.mre.shear.sections_many import by_condition, is_many, means, middle, of_many
 
@@ -308,7 +309,7 @@ def _metrics_tables(findings: Findings, runs: pd.DataFrame) -> list[Table]:
             runs,
             "metrics",
             "Loop metrics",
-            "Each run by itself, without the dynamic model. For an ellipse K_sec is |K*|, not K'.",
+            f"How stiff and how lossy are the loops? They have {captions.between(runs, captions.LOOPS)} Each run by itself, without the dynamic model. For an ellipse K_sec is |K*|, not K'.",
             {
                 "stiffness_secant": Column("K_sec", "N/m"),
                 "stiffness_storage": Column("K'", "N/m"),
@@ -319,7 +320,7 @@ def _metrics_tables(findings: Findings, runs: pd.DataFrame) -> list[Table]:
     ]
     if "shear_modulus_storage" in runs:
         moduli = {"shear_modulus_storage": Column("G'", "Pa"), "shear_modulus_loss": Column("G''", "Pa")}
-        told = "K' and K'' of each run times h/(2A), for the pads as declared."
+        told = f"Which moduli has the material? It has {captions.between(runs, captions.MODULI)} K' and K'' of each run times h/(2A), for the pads as declared."
         tables.append(_run_table(findings, runs, "moduli", "Shear moduli", told, moduli))
     return tables
 

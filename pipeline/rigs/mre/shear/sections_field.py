@@ -7,11 +7,7 @@ import pandas as pd
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Column, Figure, Line, Mark, Panel, Points, Table, Value
-
-
-def level_text(current: float | None) -> str:
-    """Return a current for a label, an empty text where there is none."""
-    return "" if current is None or not np.isfinite(current) else f"{round(current, 2):g} A"
+from pipeline.rigs.mre.shear.captions import gained, level_text
 
 
 def of_field(findings: Findings) -> list[Figure | Table]:
@@ -77,8 +73,8 @@ def _preload_table(findings: Findings, states: pd.DataFrame) -> Table:
     return Table(
         "preload",
         "Stiffness against preload",
-        "At equal force the amplitude shrinks as the pads stiffen, and a smaller loop is stiffer: only the comparison at "
-        "equal amplitude is the field's own.",
+        f"By how much does the field stiffen the pads? {gained(findings)} At equal force the amplitude shrinks as the pads stiffen, and a smaller loop is stiffer: "
+        "only the comparison at equal amplitude is the field's own.",
         [
             Column("preload", "N"),
             Column("current"),

@@ -6,7 +6,8 @@ import numpy as np
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Column, Figure, Mark, Matrix, Panel, Points, Rule, Table
-from pipeline.rigs.in_words import chance
+from pipeline.rigs.in_words import chance, found_by_tests
+from pipeline.rigs.mre.shear.captions import stands_out
 from pipeline.rigs.mre.shear.sections_many import is_many, residual_quantiles
 
 METRICS = {
@@ -72,7 +73,7 @@ def _checks(findings: Findings) -> list[Table]:
         Table(
             "residual_checks",
             "Tests of the residual",
-            "Is the residual only noise? A chance below 1 % says that something is left besides noise, the last column "
+            f"Is the residual only noise? {found_by_tests(table['p_value'])} A chance below 1 % says that something is left besides noise, the last column "
             "how much.",
             [Column("residual of"), Column("test"), Column("chance"), Column("result")],
             rows,
@@ -142,8 +143,8 @@ def _residuals(findings: Findings) -> list[Figure]:
         Figure(
             "residual_harmonics",
             "Residual by harmonic",
-            f"Is the residual no more than noise? Misfit of every harmonic of every run over its standard deviation, run "
-            f"scatter not taken out; {100 * share:.0f} % lie within 1.96, 95 % would for pure noise.",
+            f"Is the residual no more than noise? {100 * share:.0f} % lie within 1.96 standard deviations, 95 % would for pure noise. Misfit of every harmonic of "
+            "every run over its standard deviation, run scatter not taken out.",
             "normalised residual over the order of the harmonic",
             [Panel(marks, Axis("order of the harmonic", whole=True), Axis("residual over its standard deviation"))],
         )
@@ -179,7 +180,7 @@ def _runs(findings: Findings) -> list[Table]:
         Table(
             "fit_by_run",
             "Fit of each run",
-            "Does one run stand out? chi2 without run scatter: near 1 where noise explains the misfit. A gain far off the "
+            f"Does one run stand out? {stands_out(used)} It is without run scatter, near 1 where noise explains the misfit. A gain far off the "
             "others' names a run to be checked.",
             columns,
             rows,

@@ -11,6 +11,7 @@ from pipeline.errors import counted
 from pipeline.estimation.uncertainty import t_quantile
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Cell, Column, Figure, Mark, Panel, Points, Rule, Table, Value
+from pipeline.rigs.mre.shear.captions import LOOPS, between
 from pipeline.rigs.mre.shear.trend import gains_over_runs
 from pipeline.rigs.over_runs import MANY, OverRuns, distribution_panel, odd_table, over_runs, trend_figure
 
@@ -121,7 +122,7 @@ def by_condition(findings: Findings) -> list[Table]:
         Table(
             "metrics_by_condition",
             "Loop metrics by condition",
-            f"Without the dynamic model: means of the runs of a condition with the 95 % interval by their scatter, of one run its own; {every}. For an "
+            f"How stiff and how lossy are the loops? They have {between(table, LOOPS)} Without the dynamic model: means of the runs of a condition with the 95 % interval by their scatter, of one run its own; {every}. For an "
             "ellipse K_sec is |K*|, not K'.",
             [Column("condition"), Column("runs", "1"), *_METRICS.values(), Column("scatter of K'", "%")],
             rows,
