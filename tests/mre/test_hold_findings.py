@@ -69,7 +69,6 @@ def test_captions_answer_with_the_numbers_of_the_campaign(findings: Findings) ->
     )
     assert "The sweeps differ by up to" in told["time"]
     assert "With r = 2.01" in told["time"]
-    assert "The S law; the next one, the hinge, has an AICc" in told["laws"]
     assert "At 8 A by 65.02 % (95 %: " in told["increments"]
     assert "It tends to B_s = 9" in told["flux"]
     assert "which could be all of the 1" in told["pull"]

@@ -58,7 +58,8 @@ def test_a_force_that_goes_with_the_square_of_the_field_is_named_and_costs_the_i
     assert said(found, "B^2", "press the load cell")
     told = captions(found)
     assert "Not told: the law misses the holds" in told["law"]
-    assert "None that a number may rest on: the law misses the holds" in told["laws"]
+    (taken,) = (model for model in found.models if model.selected)
+    assert "no number rests on it: the law misses the holds" in taken.description
     assert "without a blank test" in told["increments"]
     assert not increments(found)
     assert found.one("force_gain").value is None

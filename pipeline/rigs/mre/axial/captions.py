@@ -113,7 +113,7 @@ def motion(runs: pd.DataFrame) -> str:
 def between_steps(off: np.ndarray, step: float, run: str) -> str:
     """Say how far the reading of the gauge is from the motion, beside half of its step (m)."""
     most = float(np.nanmax(np.abs(off)))
-    half = f"half a step is {1e6 * step / 2:.3g} µm"
+    half = f"half a step (dashed) is {1e6 * step / 2:.3g} µm"
     if most <= _ROUNDED * step:
         return f"Yes, within rounding: the reading of {run} is at most {1e6 * most:.2g} µm off it; {half}."
     part = float(np.nanmean(np.abs(off) > _ROUNDED * step))

@@ -172,7 +172,7 @@ def _stiffness_table(findings: Findings) -> Table:
             captions.definitions(findings),
             captions.lost(findings),
             "Secant: F(d_max)/d_max. Slope: regression of the loading branch over 20 to 80 % of d_max. The loop hardens and hysteresis lifts its start, so both "
-            "differ, and so does the stiffening relative to 0 A: say which one is meant. Offset of the force taken off.",
+            "differ, and so does the stiffening relative to 0 A: say which one is meant. Work lost: of that of the loading. Drop: of the force when the release begins. Offset of the force taken off.",
         ),
         [
             Column("coil current"),
@@ -180,8 +180,8 @@ def _stiffness_table(findings: Findings) -> Table:
             Column("slope", "N/m"),
             Column("stiffening, secant", "%"),
             Column("stiffening, slope", "%"),
-            Column("loss over loading work", "%"),
-            Column("unloading drop", "N"),
+            Column("work lost", "%"),
+            Column("drop", "N"),
         ],
         rows,
     )

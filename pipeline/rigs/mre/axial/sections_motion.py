@@ -85,7 +85,7 @@ def gauge(findings: Findings) -> list[Figure]:
                 Panel(
                     [
                         Points(time, off, "residual"),
-                        Rule(y=row["gauge_step"] / 2, label="half a step"),
+                        Rule(y=row["gauge_step"] / 2),
                         Rule(y=-row["gauge_step"] / 2),
                     ],
                     Axis("time", "s"),

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.rigs.in_words import known, sentence
+from pipeline.rigs.in_words import known
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipeline.findings import Findings, ModelResult, Parameter
+    from pipeline.findings import Findings, Parameter
 
-_DECISIVE = 10.0  # difference of AICc
 _SWEEPS = {"up": "rising", "down": "falling"}
 
 
@@ -60,20 +59,6 @@ def relaxes(findings: Findings, run: str, holds: pd.DataFrame) -> str:
     apart = (up - down).abs().max()
     before = f"The sweeps differ by up to {apart:.2g} N. " if math.isfinite(apart) else "There is one sweep only. "
     return f"{before}With r = {known(p, 0.01, '%')} a decade the law leaves {left:.2g} N (rms)."
-
-
-def supported(models: Sequence[ModelResult], refused: str) -> str:
-    """Say which law the data support, and how far the next one is; `refused` is why none is believed."""
-    ranked = sorted((m for m in models if m.aicc is not None), key=lambda m: m.aicc or 0.0)
-    if refused:
-        return f"None that a number may rest on: {refused}."
-    if len(ranked) < 2:
-        return ""
-    best, second = (f"the {m.name.rpartition(': ')[2]}" for m in ranked[:2])
-    behind = (ranked[1].aicc or 0.0) - (ranked[0].aicc or 0.0)
-    if behind < _DECISIVE:
-        return f"They do not decide between {best} and {second}, whose AICc is only {behind:.2g} above."
-    return f"{sentence(best)[:-1]}; the next one, {second}, has an AICc {behind:.0f} above."
 
 
 def raised(findings: Findings, run: str) -> str:

@@ -74,43 +74,43 @@ CONDITIONS = (
     *SAMPLE,
     *MICROMECHANICS,
 )
-_LAW, _FIELD = "own law for Fig. 10", "own law for section 5.2"
+_OWN = "not in the paper"
 PARAMETERS = (
     ParameterSpec(
         "force_initial",
         "F_0",
         "N",
         "axial force at 0 A and 10 s after the gap was closed (the start of the log unless the conditions tell)",
-        _LAW,
+        _OWN,
         key=True,
     ),
-    ParameterSpec("force_gain", "a", "1", "limit of the relative increment of the force", _LAW, key=True),
+    ParameterSpec("force_gain", "a", "1", "limit of the relative increment of the force", _OWN, key=True),
     ParameterSpec(
-        "saturation_current", "I_s", "A", "saturation current; a/I_s is the relative slope at 0 A", _LAW, key=True
+        "saturation_current", "I_s", "A", "saturation current; a/I_s is the relative slope at 0 A", _OWN, key=True
     ),
     ParameterSpec(
         "sharpness",
         "p",
         "1",
         "sharpness of the bend: 1 as Froehlich and Kennelly, 2 to 3 as a hyperbolic tangent, large straight and then flat",
-        _LAW,
+        _OWN,
         key=True,
     ),
     ParameterSpec(
-        "relaxation", "r", "1", "share of the force lost in each decade of time", _LAW, key=True, read_as="%"
+        "relaxation", "r", "1", "share of the force lost in each decade of time", _OWN, key=True, read_as="%"
     ),
     ParameterSpec(
         "force_increment",
         r"\Delta F/F_0",
         "1",
         "force at a current over that at 0 A, less 1, relaxation taken out",
-        _LAW,
+        _OWN,
         key=True,
         read_as="%",
     ),
-    ParameterSpec("flux_slope", "s_0", "T/A", "slope of the flux density at 0 A", _FIELD, key=True),
-    ParameterSpec("flux_saturation", "B_s", "T", "limit of the flux density", _FIELD, key=True),
-    ParameterSpec("remanence", "b", "T", "flux density at 0 A of a sweep direction", _FIELD),
+    ParameterSpec("flux_slope", "s_0", "T/A", "slope of the flux density at 0 A", _OWN, key=True),
+    ParameterSpec("flux_saturation", "B_s", "T", "limit of the flux density", _OWN, key=True),
+    ParameterSpec("remanence", "b", "T", "flux density at 0 A of a sweep direction", _OWN),
 )
 
 HOLD = Experiment(

@@ -8,7 +8,7 @@ EQUATIONS = (
     Equation(
         r"F(I, t) = F_0 \left( 1 + a\, S(I/I_s; p) \right) \left( 1 - r \log_{10} \frac{t}{t_0} \right), \qquad t_0 = 10\, \mathrm{s}",
         "Force at a fixed gap against coil current, with relaxation since the gap was closed.",
-        "own law for Fig. 10",
+        "not in the paper",
     ),
     Equation(
         r"S(z; p) = \frac{z}{(1 + |z|^p)^{1/p}}",
@@ -18,11 +18,11 @@ EQUATIONS = (
     Equation(
         r"\Delta F/F_0 = a\, S(I/I_s; p)",
         "Increment of the force at a current, relaxation taken out.",
-        "own law for Fig. 10",
+        "not in the paper",
     ),
     Equation(
         r"B(I) = \frac{s_0 I}{\left( 1 + |s_0 I / B_s|^p \right)^{1/p}} + b",
         "Flux density with the same law; the remanence b is one constant for each direction of the sweep.",
-        "own law for section 5.2",
+        "not in the paper",
     ),
 )

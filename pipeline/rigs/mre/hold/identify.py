@@ -201,7 +201,6 @@ def _parameter(e: Estimate, at: OperatingPoint, method: str, gain_error: float =
 
 
 def _models(found: Analysed, several: bool) -> list[ModelResult]:
-    fit = found.saturation.fit
     straight = found.saturation.state == "not reached"
     texts = {
         "S law": "bends at I_s, the sharper the larger p",
@@ -210,6 +209,7 @@ def _models(found: Analysed, several: bool) -> list[ModelResult]:
         "FK": "law of Froehlich and Kennelly, eq. (7) of the paper: the S law with p = 1",
         "straight line": "no saturation",
     }  # fmt: skip
+    refused = f"; no number rests on it: {found.misfit.costs_law}" if found.misfit.costs_law else ""
     models = []
     for candidate in found.saturation.candidates:
         selected = candidate.name == ("straight line" if straight else "S law")
@@ -226,7 +226,7 @@ def _models(found: Analysed, several: bool) -> list[ModelResult]:
                 chi2_reduced=candidate.chi2 / max(candidate.n_data - candidate.n_parameters, 1),
                 aicc=candidate.aicc,
                 bic=candidate.bic,
-                description=f"{texts[candidate.name]}; means and creep of {fit.rows.current.size} holds, weights of the S law",
+                description=texts[candidate.name] + (refused if selected else ""),
             )
         )
     return models

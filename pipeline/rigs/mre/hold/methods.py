@@ -43,7 +43,7 @@ def _law(findings: Findings) -> str:
 
 def _limit() -> str:
     return (
-        "Against the S law stand a hinge (straight, then flat: p → ∞), a hyperbolic tangent (tanh), the law of Froehlich and Kennelly (FK, p = 1) and a straight line, compared by AICc (Hurvich and Tsai 1989). Intervals of I_s, a and p are those of the profile "
+        "Against the S law stand a hinge (straight, then flat: p → ∞), a hyperbolic tangent (tanh), the law of Froehlich and Kennelly (FK, p = 1) and a straight line, compared with the weights of the S law by AICc (Hurvich and Tsai 1989). Intervals of I_s, a and p are those of the profile "
         "likelihood, the others Student's. Saturation is called seen, and I_s, a and p are told, only where the interval of I_s closes below the largest current, the slope there is below "
         "a quarter of that at 0 A with its upper 95 % limit, and three quarters of the limit were reached. Intervals hold 95 %; that of F_0 contains the calibration "
         "where the conditions tell it."

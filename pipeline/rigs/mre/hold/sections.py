@@ -11,17 +11,14 @@ from pipeline.findings import Findings
 from pipeline.findings.figures import (
     Axis,
     Band,
-    Cell,
     Column,
     Figure,
     Line,
     Mark,
-    Mood,
     Panel,
     Points,
     Rule,
     Section,
-    Status,
     Table,
     Text,
     Value,
@@ -33,8 +30,6 @@ CURRENT, FORCE, TIME = Axis("coil current", "A"), Axis("axial force", "N"), Axis
 _WAYS = ((1, "current rising"), (-1, "current falling"))
 _RUNS = 6
 _APART = 0.08  # A between the sweeps in a panel of residuals
-
-_MOODS: dict[str, Mood] = {"seen": "ok", "begun": "warning", "not reached": "warning"}
 
 
 def sections(findings: Findings) -> Sequence[Section]:
@@ -57,7 +52,6 @@ def _force(findings: Findings) -> list[Figure | Table | Text]:
         name = f" of run {run}" if len(states) > 1 else ""
         blocks.append(_law_figure(findings, state, own, curve, name))
         blocks.append(_time_figure(findings, str(run), own, name))
-        blocks.append(_saturation_table(findings, state, name))
         blocks.append(_increment_table(findings, str(run), own, name))
     return blocks
 
@@ -144,34 +138,6 @@ def _time_figure(findings: Findings, run: str, own: pd.DataFrame, name: str) -> 
             ),
         ],
         share_x=True,
-    )
-
-
-def _saturation_table(findings: Findings, state: dict[str, object], name: str) -> Table:
-    mood = _MOODS[str(state["state"])]
-    run = str(state["run"])
-    models = [m for m in findings.models if not name or m.name.startswith(f"{run}: ")]
-    least = min((m.aicc for m in models if m.aicc is not None), default=0.0)
-    refused = captions.law_refused(findings, state)
-    taken = Status("for no number", "rejected") if refused else Status(f"yes; saturation {state['state']}", mood)
-    rows: list[list[Cell]] = []
-    for model in models:
-        chosen = taken if model.selected else ""
-        rows.append(
-            [
-                model.name.removeprefix(f"{run}: "),
-                model.description.split(";")[0],
-                model.n_parameters,
-                None if model.aicc is None else model.aicc - least,
-                chosen,
-            ]
-        )
-    return Table(
-        f"laws{name.replace(' ', '_')}",
-        f"Which law{name}",
-        f"Which law do the data support? {captions.supported(models, refused)} AICc above the best: 10 and more means that the data do not support the law.",
-        [Column("law"), Column("form"), Column("parameters", "1"), Column("AICc above the best", "1"), Column("taken")],
-        rows,
     )
 
 
