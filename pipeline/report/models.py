@@ -72,7 +72,7 @@ def _which(models: Sequence[ModelResult], shown: Set[str]) -> str:
         said.append(
             sentence(
                 "; ".join(
-                    f"{f'{one.family}: ' if one.family else ''}“{one.name}”{_ahead(one, models)}" for one in taken
+                    f"{f'for {one.family} ' if one.family else ''}“{one.name}”{_ahead(one, models)}" for one in taken
                 )
             )
         )
@@ -86,13 +86,18 @@ def _which(models: Sequence[ModelResult], shown: Set[str]) -> str:
 
 
 def _ahead(taken: ModelResult, models: Sequence[ModelResult]) -> str:
-    others = [one.aicc for one in models if one.family == taken.family and one is not taken and one.aicc is not None]
-    if taken.aicc is None or not others:
-        return ""
-    ahead = min(others) - taken.aicc
-    if ahead < 0:
-        return f", although the AICc of another is {-ahead:.{_places(-ahead)}f} less"
-    return f", its AICc {ahead:.{_places(ahead)}f} below the next"
+    """Say how far a model is ahead of the others of its family: by AICc, by BIC where there is none."""
+    for criterion, name in (("aicc", "AICc"), ("bic", "BIC")):
+        own = getattr(taken, criterion)
+        rivals = [getattr(one, criterion) for one in models if one.family == taken.family and one is not taken]
+        others = [value for value in rivals if value is not None]
+        if own is None or not others:
+            continue
+        ahead = min(others) - own
+        if ahead < 0:
+            return f", although the {name} of another is {-ahead:.{_places(-ahead)}f} less"
+        return f", its {name} {ahead:.{_places(ahead)}f} below the next"
+    return ""
 
 
 def _places(number: float) -> int:

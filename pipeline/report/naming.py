@@ -89,7 +89,7 @@ class Naming:
                     [replace(one, text=self.text(one.text), below=self.text(one.below)) for one in row]
                     for row in view.rows
                 ],
-                notes=[self.text(note) for note in view.notes],
+                notes=[replace(note, text=self.text(note.text)) for note in view.notes],
             )
         return view
 

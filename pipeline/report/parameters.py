@@ -21,7 +21,7 @@ from pipeline.report.numbers import Reading, aligned_readings, plain, reading
 from pipeline.report.per_run import by_place, summed_up
 from pipeline.report.reading_units import ReadingUnit, reading_unit, size_of, typical
 from pipeline.report.symbols import symbol_html
-from pipeline.report.table import MOST_ROWS, PROSE_FROM, Head, Shown, TableView, table_view
+from pipeline.report.table import MOST_ROWS, PROSE_FROM, Head, Note, Shown, TableView, table_view
 from pipeline.report.uncertainty import type_a
 from pipeline.report.words import clean, typeset
 from pipeline.rigs.experiment import Experiment
@@ -305,8 +305,9 @@ def _varying_view(parameters: Sequence[Parameter], experiment: Experiment) -> Ta
         Table("parameters-" + "-".join(conditions), title, "Below each value its 95 % interval.", columns, lines)
     )
     notes = [
-        Markup("{} <code>{}</code>: {}").format(
-            symbol_of(first[name]), clean(name), _about(parameters, name, experiment)
+        Note(
+            Markup("{} <code>{}</code>").format(symbol_of(first[name]), clean(name)),
+            _about(parameters, name, experiment),
         )
         for name in names
     ]

@@ -44,6 +44,14 @@ class Shown:
 
 
 @dataclass(frozen=True)
+class Note:
+    """A line below a table: what it is on, and what is said of it."""
+
+    head: Markup
+    text: str
+
+
+@dataclass(frozen=True)
 class TableView:
     """What the template needs of a table; `left_out` rows are only in findings.json."""
 
@@ -54,7 +62,7 @@ class TableView:
     heads: Sequence[Head]
     rows: Sequence[Sequence[Shown]]
     left_out: int = 0
-    notes: Sequence[str] = ()
+    notes: Sequence[Note] = ()
     number: int = 0
 
     @property

@@ -164,11 +164,13 @@ def test_the_caption_names_the_model_that_is_taken_and_by_how_much() -> None:
     best = ModelResult(name="two lags", family="rise", selected=True, n_parameters=3, n_data=9, aicc=-20.0)
     others = [ModelResult(name="one lag", family=of, n_parameters=2, n_data=9, aicc=-7.0) for of in ("rise", "fall")]
     assert models_table([best, *others]).caption.startswith(
-        "Which model do the data support? Rise: “two lags”, its AICc 13 below the next. ΔAICc"
+        "Which model do the data support? For rise “two lags”, its AICc 13 below the next. ΔAICc"
     )
     simple = ModelResult(name="simple", family="rise", n_parameters=1, n_data=9, aicc=-24.5)
     assert "although the AICc of another is 4.5 less" in models_table([best, simple]).caption
     assert "two lags" not in models_table([best.model_copy(update={"selected": False}), simple]).caption
+    by_bic = [one.model_copy(update={"aicc": None, "bic": -bic}) for one, bic in ((best, 30.0), (simple, 9.0))]
+    assert "its BIC 21 below the next" in models_table(by_bic).caption
 
 
 def test_the_caption_counts_which_published_values_hold() -> None:

@@ -12,6 +12,7 @@ from pipeline.findings.figures import Axis, Figure, Line, Panel
 from pipeline.report.figure import figure_view
 from pipeline.report.naming import Naming
 from pipeline.report.symbols import symbol_html, symbols_in
+from pipeline.report.table import Note, TableView
 
 
 @pytest.mark.parametrize(
@@ -82,3 +83,9 @@ def test_symbols_in_a_drawing_have_an_index_and_runs_have_none():
         r'<tspan font-style="italic">k</tspan><tspan [^>]*dy="0.32em">xx</tspan><tspan dy="-0.24em"> \(', svg
     )
     assert ">run r_\u20601</text>" in svg
+
+
+def test_lines_below_a_table_have_symbols():
+    view = TableView("t", "Title", "", [], [], notes=[Note(symbol_html("k"), "over 80 % of d_max")])
+    (note,) = Naming(()).view(view).notes
+    assert str(note.text) == "over 80 % of <var>d</var><sub>max</sub>"
