@@ -176,6 +176,11 @@ def test_an_implausible_size_names_the_unit_that_it_looks_like(
     assert limited(0.9 * limit, unit, taken_as, limit) == []
 
 
+def test_small_lengths_are_told_in_millimetres() -> None:
+    (finding,) = limited(0.0042, "m", "m", 0.004)
+    assert "reaches 4.2 mm, more than the plausible 4 mm" in finding.message
+
+
 def test_findings_of_a_run_bear_its_name() -> None:
     named = of_run([QualityFinding("note", "a"), QualityFinding("note", "b", run="other")], "r1")
     assert [finding.run for finding in named] == ["r1", "other"]

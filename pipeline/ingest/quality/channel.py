@@ -27,6 +27,7 @@ _MISTAKEN = (
 
 # In fewer samples a flat top is as likely a coarse reading of what came to rest.
 _FEWEST_TO_CLIP = 100
+_MILLIMETRES_BELOW = 0.01  # m, below which a length is told in millimetres
 
 
 @dataclass(frozen=True)
@@ -155,6 +156,8 @@ class ChannelQuality:
         return QualityFinding(level, f"{self.channel.name} {message}", channel=self.channel.name, span=span)
 
     def _value(self, value: float) -> str:
+        if self.channel.unit == "m" and 0.0 < abs(value) < _MILLIMETRES_BELOW:
+            return f"{1e3 * value:.5g} mm"
         return f"{value:.5g} {self.channel.unit}".removesuffix(" 1")
 
     def _said_missing(self) -> list[QualityFinding]:
