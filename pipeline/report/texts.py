@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.findings.figures import Mark, Points, Rule
+from pipeline.findings.figures import Line, Mark, Points, Rule
 from pipeline.report.palette import INK, PAPER, style
 from pipeline.report.scale import Scale
 from pipeline.report.words import clean, shortened, text_width
@@ -21,6 +22,7 @@ _GROUND = {"facecolor": PAPER[0], "edgecolor": "none", "alpha": 0.8, "pad": 0.8}
 _GAP = 3.0  # px between a rule and its name
 _LEADER = 14.0  # px from the axes to the names above them
 _MOST_OVER = 120.0  # longest name above the axes, px
+_ON_A_CURVE = 300  # places
 _POINT = 4.0  # half of a point's size, px
 
 
@@ -51,6 +53,8 @@ def write_texts(axes: Axes, marks: Sequence[Mark], x: Scale, y: Scale, inner: tu
     level = [(_pixel(mark.y, y, inner[1]), mark) for mark in marks if isinstance(mark, Rule) and mark.y is not None]
     lines = [Box(at - 0.5, 0, at + 0.5, inner[1]) for at, _ in upright]
     lines += [Box(0, at - 0.5, inner[0], at + 0.5) for at, _ in level if np.isfinite(at)]
+    if any(rule.label for _, rule in (*upright, *level)):
+        lines += _along_curves(marks, x, y, inner)
     if room_over(marks, x, inner[0], font):
         _name_over(axes, upright, inner, font)
     else:
@@ -95,6 +99,22 @@ def _upright(marks: Sequence[Mark], x: Scale, width: float) -> list[tuple[float,
     """Return the rules at an x that can be shown, from left to right, with their places in pixels."""
     found = [(_pixel(mark.x, x, width), mark) for mark in marks if isinstance(mark, Rule) and mark.x is not None]
     return sorted((one for one in found if np.isfinite(one[0])), key=lambda one: one[0])
+
+
+def _along_curves(marks: Sequence[Mark], x: Scale, y: Scale, inner: tuple[float, float]) -> list[Box]:
+    """Return places along the curves, so close that no word lies between two of them."""
+    boxes = []
+    for mark in marks:
+        if not isinstance(mark, Line) or mark.x.size < 2:
+            continue
+        at = np.linspace(0, mark.x.size - 1, _ON_A_CURVE)
+        index = np.arange(mark.x.size)
+        shown = (np.interp(at, index, values) for values in (x.shown(mark.x), y.shown(mark.y)))
+        for a, b in zip(*(values.tolist() for values in shown), strict=True):
+            if math.isfinite(a) and math.isfinite(b):
+                left, bottom = x.fraction(a) * inner[0], y.fraction(b) * inner[1]
+                boxes.append(Box(left - 2, bottom - 2, left + 2, bottom + 2))
+    return boxes
 
 
 def _name_over(axes: Axes, upright: Sequence[tuple[float, Rule]], inner: tuple[float, float], font: float) -> None:

@@ -144,6 +144,13 @@ def test_names_of_level_rules_close_to_each_other_are_apart() -> None:
     assert abs(places["B/C"] - places["C/D"]) > 12
 
 
+def test_names_of_rules_keep_off_curves() -> None:
+    t = np.linspace(0, 10, 400)
+    svg = drawn([Line(t, 1 - np.exp(-t)), Line(t, 0.95 + 0 * t), Rule(x=2.0, label="t_63")], Axis("t", "s"), Axis("a"))
+    tick = next(float(text.get("y", "nan")) for text in svg.iter("text") if "".join(text.itertext()) == "0.8")
+    assert written(svg)["t63"][1] > tick
+
+
 def test_boxes_meet_where_they_overlap_only() -> None:
     box = Box(0, 0, 10, 10)
     assert box.meets(Box(5, 5, 15, 15))
