@@ -162,7 +162,7 @@ def _models(found: Found, several: bool) -> list[ModelResult]:
     return [
         ModelResult(
             name=f"{prefix}{candidate.name}",
-            family=f"response of the force{f', {fit.record.run}' if several else ''}",
+            family=fit.record.run if several else "",
             selected=candidate.name == chosen,
             n_parameters=candidate.n_parameters,
             n_data=candidate.n_data,
@@ -171,7 +171,6 @@ def _models(found: Found, several: bool) -> list[ModelResult]:
             nrmse=fit.sigma / spread if candidate.name == chosen and spread > 0 else None,
             aicc=candidate.aicc,
             bic=candidate.bic,
-            description="delay and lags of the measured current; number of data: effective samples",
         )
         for candidate in found.candidates
     ]
@@ -187,9 +186,15 @@ def _published(estimates: Sequence[Estimate]) -> list[Published]:
         Published(
             name="response to switching on and off",
             published="fast on the rise, slower on the fall",
-            found=f"t63 {rise:.3g} s and {fall:.3g} s, ratio {fall / rise:.3g}" if rise > 0 else None,
+            found=f"t63 {1e3 * rise:.3g} ms and {1e3 * fall:.3g} ms, {fall / rise:.3g} times as long"
+            if rise > 0
+            else None,
             where="section 5.2, figure lost",
             agrees=bool(fall > rise),
             remark="the paper's numbers are lost with its figure",
         )
     ]
+
+
+def _read(time: float) -> str:
+    return f"{time:.3g} s" if time >= 1.0 else f"{1e3 * time:.3g} ms"

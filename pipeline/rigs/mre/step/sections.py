@@ -123,7 +123,7 @@ def _times(findings: Findings) -> Table:
         cells.append("fall / rise")
         for n in _NAMES:
             a, b = (own[n].value if n in own else None for own in (rise, fall))
-            cells.append(f"{b / a:.3g}" if a and b else "")
+            cells.append(f"{b / a:.2f}" if a and b else "")
         rows.append(cells)
     first = [Column("run")] if several else []
     return Table(
