@@ -67,8 +67,8 @@ def test_captions_answer_with_the_numbers_of_the_campaign(findings: Findings) ->
     assert (
         f"Yes: it bends at I_s = {bend.value:.4f} A (95 %: {bend.ci95[0]:.4f} to {bend.ci95[1]:.4f} A)" in told["law"]
     )
-    assert "The sweeps differ by up to" in told["time"]
-    assert "With r = 2.01" in told["time"]
+    assert "Yes: of up to" in told["time"]
+    assert "N between them r = 2.01" in told["time"]
     assert "At 8 A by 65.02 % (95 %: " in told["increments"]
     assert "It tends to B_s = 9" in told["flux"]
     assert "which could be all of the 1" in told["pull"]
@@ -104,7 +104,7 @@ def test_a_law_that_bends_for_long_is_not_called_saturated() -> None:
 
 def test_one_sweep_direction_is_doubted_and_ignoring_relaxation_is_shown_to_be_wrong() -> None:
     found = hold(synthesize({"down": False}, 2))
-    assert "There is one sweep only. With r" in captions(found)["time"]
+    assert "There is one sweep only; r = " in captions(found)["time"]
     assert said(found, "one way only", "59.")
     at_six = found.one("force_increment", coil_current=6.0)
     assert at_six.ci95 is not None

@@ -61,6 +61,7 @@ def test_a_force_that_goes_with_the_square_of_the_field_is_named_and_costs_the_i
     (taken,) = (model for model in found.models if model.selected)
     assert "no number rests on it: the law misses the holds" in taken.description
     assert "without a blank test" in told["increments"]
+    assert "Not all of it: of up to" in told["time"]
     assert not increments(found)
     assert found.one("force_gain").value is None
 

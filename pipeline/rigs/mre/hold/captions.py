@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from pipeline.findings import Findings, Parameter
 
+_EXPLAINED = 0.1  # of the difference between the sweeps that the law may leave
 _SWEEPS = {"up": "rising", "down": "falling"}
 
 
@@ -57,8 +58,10 @@ def relaxes(findings: Findings, run: str, holds: pd.DataFrame) -> str:
     level = holds["current"].round(1)
     up, down = (holds["force"].groupby(level.where(holds["direction"] == sign)).mean() for sign in (1, -1))
     apart = (up - down).abs().max()
-    before = f"The sweeps differ by up to {apart:.2g} N. " if math.isfinite(apart) else "There is one sweep only. "
-    return f"{before}With r = {known(p, 0.01, '%')} a decade the law leaves {left:.2g} N (rms)."
+    rest = f"r = {known(p, 0.01, '%')} a decade leaves {left:.2g} N (rms)."
+    if not math.isfinite(apart):
+        return f"There is one sweep only; {rest}"
+    return f"{'Yes' if left < _EXPLAINED * apart else 'Not all of it'}: of up to {apart:.2g} N between them {rest}"
 
 
 def raised(findings: Findings, run: str) -> str:

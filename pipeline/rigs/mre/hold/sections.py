@@ -81,10 +81,7 @@ def _law_figure(
                 )
             )
     if state["state"] == "seen":
-        # Its name stands where the curve is not: a label of the rule itself would lie on it.
-        bend, foot = float(str(state["I_s"])), 0.05 * float(curve["increment"].max())
-        beside = np.array([bend + 0.04 * float(curve["current"].max())])
-        marks += [Rule(x=bend), Points(beside, np.array([foot]), "reference", texts=["I_s"], bare=True)]
+        marks.append(Rule(x=float(str(state["I_s"])), label="I_s"))
     return Figure(
         f"law{name.replace(' ', '_')}",
         f"Increment of the force{name}",
