@@ -23,17 +23,17 @@ EQUATIONS = (
     Equation(
         r"F_{logged}(t) = F(t - \delta)",
         "The force is logged late by a lag that is fitted, or known from calibration.",
-        "sheet, step 4",
+        "not in the paper",
     ),
     Equation(
         r"u_{i+1} = e^{-\Delta t/\tau} u_i + \frac{\tau}{\Delta t} \left( 1 - e^{-\Delta t/\tau} \right) (x_{i+1} - x_i), \qquad u = x - y",
         "The Maxwell branch from sample to sample, exact for a displacement that is straight between them.",
-        "sheet, 3.6",
+        "not in the paper",
     ),
     Equation(
         r"z = \left( w, u, \ln k_1, \ln \tau, \ln k_2, \ln a_{BW}, \ln \rho, \ln (C - \tfrac{1}{2}), \ln (n - 1) \right)",
         "State of the unscented Kalman filter that follows the record, with the parameters in it.",
-        "sheet, 5",
+        "not in the paper",
     ),
     Equation(
         r"k_1+k_2, \qquad k_2+a_{BW}\rho",

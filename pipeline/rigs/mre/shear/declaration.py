@@ -72,7 +72,7 @@ CONDITIONS = (
     *SAMPLE,
     *MICROMECHANICS,
 )
-_PER_RUN = "3.5; per run"
+_OWN, _PAPER = "not in the paper", "as in the paper"
 PARAMETERS = (
     ParameterSpec("k1", "k_1", "N/m", "stiffness of the Maxwell branch", "eqs (10), (11)", key=True),
     ParameterSpec("s1", "s_1", "N s/m", "dashpot of the Maxwell branch", "eq. (11), corrected", key=True),
@@ -88,22 +88,30 @@ PARAMETERS = (
     ParameterSpec("s_mr", "s_{MR}", "N s/m", "viscous damping added by the field", "eq. (10)", key=True),
     ParameterSpec("k1_plus_k2", "k_1+k_2", "N/m", "sum, where only it is identified"),
     ParameterSpec("k2_plus_alpha_rho", r"k_2+a_{BW}\rho", "N/m", "sum, where only it is identified"),
-    ParameterSpec("force_lag", r"\delta", "s", "how late the force is against the displacement", "sheet, step 4"),
-    ParameterSpec("run_scatter", "s_g", "1", "gain error from run to run, 1 sigma", "sheet, step 6"),
+    ParameterSpec("force_lag", r"\delta", "s", "how late the force is against the displacement", _OWN),
+    ParameterSpec("run_scatter", "s_g", "1", "gain error from run to run, 1 sigma", _OWN, read_as="%"),
     ParameterSpec("moving_mass", "m", "kg", "untared moving mass", "eq. (10)"),
     ParameterSpec(
-        "mr_effect_force", r"\Delta K/K", "1", "stiffness increment at equal force amplitude", "Fig. 17", key=True
+        "mr_effect_force",
+        r"\Delta K/K",
+        "1",
+        "stiffness increment at equal force amplitude",
+        "Fig. 17",
+        key=True,
+        read_as="%",
     ),
-    ParameterSpec("mr_effect_amplitude", r"\Delta K/K", "1", "stiffness increment at equal amplitude", "3.5", key=True),
-    ParameterSpec("stiffness_secant", r"F_{max}/x_{max}", "N/m", "secant stiffness of the fitted loop", _PER_RUN),
-    ParameterSpec("stiffness_storage", "K'", "N/m", "in-phase stiffness, first harmonic", _PER_RUN),
-    ParameterSpec("damping", r"\sigma", "N s/m", "equivalent viscous damping", _PER_RUN),
-    ParameterSpec("loss_factor", r"\eta", "1", "K''/K'", _PER_RUN),
-    ParameterSpec("shear_modulus_storage", "G'", "Pa", "K' h/(2A)", _PER_RUN),
-    ParameterSpec("shear_modulus_loss", "G''", "Pa", "K'' h/(2A)", _PER_RUN),
-    ParameterSpec("shear_modulus_secant", "G", "Pa", "secant stiffness times h/(2A), half cycle", _PER_RUN),
-    ParameterSpec("loss_work", "W", "J", "work lost in one half cycle", _PER_RUN),
-    ParameterSpec("loss_ratio", "W/W_l", "1", "lost over loading work of one half cycle", _PER_RUN),
+    ParameterSpec(
+        "mr_effect_amplitude", r"\Delta K/K", "1", "stiffness increment at equal amplitude", _OWN, key=True, read_as="%"
+    ),
+    ParameterSpec("stiffness_secant", r"F_{max}/x_{max}", "N/m", "secant stiffness of the fitted loop", _PAPER),
+    ParameterSpec("stiffness_storage", "K'", "N/m", "in-phase stiffness, first harmonic", _OWN),
+    ParameterSpec("damping", r"\sigma", "N s/m", "equivalent viscous damping", _PAPER),
+    ParameterSpec("loss_factor", r"\eta", "1", "K''/K'", _OWN),
+    ParameterSpec("shear_modulus_storage", "G'", "Pa", "K' h/(2A)", _OWN),
+    ParameterSpec("shear_modulus_loss", "G''", "Pa", "K'' h/(2A)", _OWN),
+    ParameterSpec("shear_modulus_secant", "G", "Pa", "secant stiffness times h/(2A), half cycle", _OWN),
+    ParameterSpec("loss_work", "W", "J", "work lost in one half cycle", _OWN),
+    ParameterSpec("loss_ratio", "W/W_l", "1", "lost over loading work of one half cycle", _OWN, read_as="%"),
 )
 
 SHEAR = Experiment(

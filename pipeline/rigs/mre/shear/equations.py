@@ -24,7 +24,7 @@ DYNAMIC_MODEL = (
     Equation(
         r"F_{logged}(t) = F(t - \delta)",
         "The force is logged late by a lag that is fitted, or known from calibration.",
-        "sheet, step 4",
+        "not in the paper",
     ),
 )
 EQUATIONS = (
@@ -36,31 +36,31 @@ EQUATIONS = (
     Equation(
         r"F_r \to (1 + g_r) F_r, \qquad g_r \sim N(0, s_g^2)",
         "Each run r may have a small gain error of its own; its scatter is estimated and widens the intervals.",
-        "sheet, step 6",
+        "not in the paper",
     ),
     Equation(
         r"K' = \mathrm{Re} \frac{F_1}{X_1}, \qquad K'' = \mathrm{Im} \frac{F_1}{X_1}, \qquad \eta = \frac{K''}{K'}",
         "First harmonics of a run's loop: storage and loss stiffness, loss factor.",
-        "3.5",
+        "not in the paper",
     ),
     Equation(
         r"\sigma = \frac{\oint F\, dx}{\pi \omega X^2}, \qquad F_{max}/x_{max}",
         "Equivalent viscous damping and secant stiffness of the fitted loop, from half its height over half its width.",
-        "3.5",
+        "as in the paper",
     ),
     Equation(
         r"G' = \frac{K' h}{2A}, \qquad G'' = \frac{K'' h}{2A}, \qquad G = \frac{h}{2A} \frac{\Delta F}{\Delta x}",
         "Moduli of two pads of height h and area A; G from the half cycle between the turns.",
-        "3.5",
+        "not in the paper",
     ),
     Equation(
         r"W = W_l - W_u, \qquad W_l = \int_{loading} F\, dx, \qquad W/W_l",
         "Work lost in a half cycle: that of loading less what unloading gives back. Their ratio is the share lost.",
-        "3.5",
+        "not in the paper",
     ),
     Equation(
         r"\Delta K/K = \frac{K(I) - K(0)}{K(0)}",
         "Effect of the field: increment of the secant stiffness, once at equal force and once at equal amplitude.",
-        "3.5, Fig. 17",
+        "equal force: Fig. 17",
     ),
 )

@@ -50,17 +50,29 @@ CONDITIONS = (
     *SAMPLE,
 )
 PARAMETERS = (
-    ParameterSpec("delay", "L", "s", "dead time between measured current and force", "3.4", key=True),
-    ParameterSpec("time_constant_1", r"\tau_1", "s", "larger time constant of the force", "3.4", key=True),
-    ParameterSpec("time_constant_2", r"\tau_2", "s", "smaller time constant of the force", "3.4", key=True),
+    ParameterSpec("delay", "L", "s", "dead time between measured current and force", "not in the paper", key=True),
+    ParameterSpec("time_constant_1", r"\tau_1", "s", "larger time constant of the force", "not in the paper", key=True),
     ParameterSpec(
-        "t63", "t_{63}", "s", "from the onset of the current to 63.2 % of the change of the force", "3.4", key=True
+        "time_constant_2", r"\tau_2", "s", "smaller time constant of the force", "not in the paper", key=True
     ),
     ParameterSpec(
-        "t90", "t_{90}", "s", "from the onset of the current to 90 % of the change of the force", "3.4", key=True
+        "t63",
+        "t_{63}",
+        "s",
+        "from the onset of the current to 63.2 % of the change of the force",
+        "not in the paper",
+        key=True,
     ),
-    ParameterSpec("creep", "c", "N", "force lost in each decade of 1 s + t", "3.4"),
-    ParameterSpec("force_step", r"\Delta F", "N", "change of the force by a step, creep taken out", "3.4"),
+    ParameterSpec(
+        "t90",
+        "t_{90}",
+        "s",
+        "from the onset of the current to 90 % of the change of the force",
+        "not in the paper",
+        key=True,
+    ),
+    ParameterSpec("creep", "c", "N", "force lost in each decade of 1 s + t", "not in the paper"),
+    ParameterSpec("force_step", r"\Delta F", "N", "change of the force by a step, creep taken out", "not in the paper"),
 )
 
 STEP = Experiment(
