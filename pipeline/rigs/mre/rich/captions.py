@@ -50,7 +50,7 @@ def reaches(records: pd.DataFrame, side_by_side: pd.DataFrame) -> str:
     if yields and not lacking:
         told = [
             f"Yes: amplitudes lie on both sides of 1/rho = {span(yields, 2, 'mm')}, frequencies on both sides of "
-            f"1/(2π tau) = {span(corners, 1, 'Hz')}."
+            f"1/(2π tau) = {span(corners, 2, 'Hz')}."
         ]
     told += [f"Not told of {listing(unknown, _TOLD)}, where rho or tau is not determined."] if unknown else []
     return " ".join(told)

@@ -56,11 +56,11 @@ def _online(findings: Findings) -> str:
     step = f"{1e3 * float(known['online_step'].median()):.2g} ms" if len(known) else "about 1 ms"
     cutoff = float(findings.settings.get("online_cutoff", 60.0))
     return (
-        "Online filter: a joint unscented Kalman filter (Julier and Uhlmann 2004; Wan and van der Merwe 2000; scaled sigma points with alpha 0.5, beta 2, kappa 0; filterpy) with "
+        "Online filter: a joint unscented Kalman filter (Julier and Uhlmann 2004; Wan and van der Merwe 2000; scaled sigma points with α = 0.5, β = 2, κ = 0; filterpy) with "
         "the state w, u, ln k1, ln tau, ln k2, ln a_BW, ln rho, ln(C - 1/2), ln(n - 1), and beside these offset, lag and, with a field, s_MR. "
         f"Displacement goes through a symmetric low-pass of {cutoff:g} Hz that looks ahead: steps of {step} follow {delay} behind the log, without phase "
         "shift; a causal low-pass on the displacement alone would distort the loop. It starts from a coarse grid of shapes on the first three seconds. "
-        f"The variance of the measurement is annealed, R = {R_END:g} sigma^2 + R0 exp(-t/{R_FADES:g} s), R0 the larger of {R_START:g} sigma^2 and the square of {100 * R_START_SHARE:g} % of the "
-        "force's amplitude, sigma the noise of the force from its third differences. The filter counts as converged where its innovations stay below 1.5 times the noise, "
+        f"The variance of the measurement is annealed, R = {R_END:g} σ^2 + R_0 exp(-t/{R_FADES:g} s), R_0 the larger of {R_START:g} σ^2 and the square of {100 * R_START_SHARE:g} % of the "
+        "force's amplitude, σ the noise of the force from its third differences. The filter counts as converged where its innovations stay below 1.5 times the noise, "
         "no parameter moves by more than 5 % in the last quarter, and it ends within 5 % of the batch fit."
     )

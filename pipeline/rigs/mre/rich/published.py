@@ -49,6 +49,7 @@ def published(fits: Sequence[RichFit]) -> list[Published]:
                     name=f"MR effect at {preload:.0f} N preload, 6 A, equal force",
                     published=effect,
                     found=ratio,
+                    unit="%",
                     where="section 5.3",
                     agrees=bool(abs(ratio - effect) <= 0.025),
                     remark="ratio of the predicted stiffnesses at 200 N",

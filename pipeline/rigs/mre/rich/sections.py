@@ -26,7 +26,7 @@ from pipeline.findings.figures import (
 from pipeline.rigs.in_words import chance, found_by_tests
 from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
 from pipeline.rigs.mre.rich import captions
-from pipeline.rigs.mre.rich.sections_online import of_online
+from pipeline.rigs.mre.rich.sections_online import of_online, told
 from pipeline.rigs.mre.shear.captions import level_text
 
 DISPLACEMENT, FORCE, TIME = Axis("displacement", "m"), Axis("force", "N"), Axis("time", "s")
@@ -35,7 +35,6 @@ _LEFT: tuple[tuple[Role, str, str], ...] = (
     ("residual", "batch", "residual, batch fit"),
     ("model", "online filter", "innovations, online filter"),
 )
-_UNITS = {"k1": "N/m", "tau": "s", "alpha_bw": "N", "rho": "1/m", "c_bw": "1", "n_bw": "1"}
 
 
 def sections(findings: Findings) -> Sequence[Section]:
@@ -83,8 +82,8 @@ def _reach(findings: Findings) -> list[Table]:
                 str(row["run"]),
                 level_text(row["current"]) if row["current"] is not None else "",
                 row["duration"],
-                _pair(row, "amplitude", 1e3),
-                _pair(row, "frequency", 1.0),
+                _pair(row, "amplitude", 1e3, 2),
+                _pair(row, "frequency", 1.0, 1),
                 float(f"{row['nrmse']:.3g}"),
                 float(f"{row['prediction_nrmse']:.3g}") if np.isfinite(row["prediction_nrmse"]) else None,
             ]
@@ -109,9 +108,9 @@ def _reach(findings: Findings) -> list[Table]:
     ]
 
 
-def _pair(row: dict[str, float], name: str, factor: float) -> str:
+def _pair(row: dict[str, float], name: str, factor: float, digits: int) -> str:
     low, high = row.get(f"{name}_low", np.nan), row.get(f"{name}_high", np.nan)
-    return f"{factor * low:.2g} to {factor * high:.2g}" if np.isfinite(low) else ""
+    return f"{factor * low:.{digits}f} to {factor * high:.{digits}f}" if np.isfinite(low) else ""
 
 
 def _loops(findings: Findings, titles: dict[str, str]) -> list[Figure]:
@@ -178,7 +177,8 @@ def _field(findings: Findings) -> list[Table]:
     for p in found:
         value, sd = float(p.value or 0.0), float(p.std_error or 0.0)
         sd_base = float(base.std_error or 0.0)
-        gained = Value(value - float(base.value or 0.0), float(np.hypot(sd, sd_base))) if p is not base else None
+        gain, error = value - float(base.value or 0.0), float(np.hypot(sd, sd_base))
+        gained = Value(gain, error, (gain - 1.96 * error, gain + 1.96 * error)) if p is not base else None
         viscous = damping.get(str(p.at))
         rows.append(
             [
@@ -192,7 +192,7 @@ def _field(findings: Findings) -> list[Table]:
         Table(
             "field",
             "What the field adds",
-            f"What does the field add? {captions.added(found, damping.get(str(found[-1].at)))} k2 of each record holds k_MR: what it gains is k_MR's. "
+            f"What does the field add? {captions.added(found, damping.get(str(found[-1].at)))} k2 of each record holds k_MR, which is what it gains. "
             "s_MR is fitted where there is a field.",
             [Column("current"), Column("k2 with the field", "N/m"), Column("gain", "N/m"), Column("s_MR", "N s/m")],
             rows,
@@ -204,36 +204,28 @@ def _agreement(findings: Findings) -> list[Table]:
     table = findings.arrays.get("agreement")
     if table is None:
         return []
-    first = table.iloc[0]
-    agrees = float(first["p_value"]) >= 0.01
+    p_value = float(table["p_value"].iloc[0])
     runs = list(dict.fromkeys(table["run"]))
-    rows = []
-    tables = []
+    rows: list[list[Cell]] = []
     for name in dict.fromkeys(table["name"]):
         part = table[table["name"] == name].set_index("run")
-        cells = [
-            f"{100 * (part.loc[run, 'own'] / part.loc[run, 'common'] - 1):+.2g} % ({part.loc[run, 'deviation']:+.1f} sd)"
-            for run in runs
+        common, half = (float(part[column].iloc[0]) for column in ("common", "common_sd"))
+        off = [
+            f"{100 * (part.loc[run, 'own'] / common - 1):+.2f} % ({part.loc[run, 'deviation']:+.1f} sd)" for run in runs
         ]
-        rows.append(
-            [str(name), _told(part.iloc[0]["common"], part.iloc[0]["common_sd"], _UNITS.get(str(name), "1")), *cells]
-        )
-    tables.append(
+        rows.append([*told(str(name), common, common - 1.96 * half, common + 1.96 * half), *off])
+    return [
         Table(
             "agreement",
             "What is said not to depend on the current",
             "Are these common to all currents, as the paper takes them? "
-            f"{'Yes' if agrees else 'No, they differ beyond chance'}: the chance of differences as large is {chance(float(first['p_value']))}. Each record "
-            "was fitted on its own; common value by their covariances, and how far each record lies off it.",
-            [Column("parameter"), Column("common value"), *(Column(str(run)) for run in runs)],
+            f"{'Yes' if p_value >= 0.01 else 'No, they differ beyond chance'}: the chance of differences as large is {chance(p_value)}. Each record was "
+            "fitted on its own; common value by their covariances with half of its 95 % interval, then how far each record lies off it, in brackets in "
+            "standard deviations.",
+            [Column("parameter"), Column("unit"), Column("common value"), *(Column(str(run)) for run in runs)],
             rows,
         )
-    )
-    return tables
-
-
-def _told(value: float, sd: float, unit: str) -> str:
-    return f"{value:.5g} +- {sd:.2g}" + ("" if unit == "1" else f" {unit}")
+    ]
 
 
 def _correlation(findings: Findings, titles: dict[str, str]) -> list[Figure]:

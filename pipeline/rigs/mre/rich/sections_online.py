@@ -22,16 +22,17 @@ from pipeline.findings.figures import (
 from pipeline.rigs.mre.rich import captions
 
 _SYMBOLS = {
-    "k1": "k1",
-    "s1": "s1",
-    "tau": "tau",
-    "k2": "k2",
+    "k1": "k_1",
+    "s1": "s_1",
+    "tau": "τ",
+    "k2": "k_2",
     "alpha_bw": "a_BW",
-    "rho": "rho",
+    "rho": "ρ",
     "c_bw": "C",
     "n_bw": "n",
+    "s_mr": "s_MR",
+    "force_lag": "δ, lag of the force",
 }
-_SYMBOLS |= {"s_mr": "s_MR", "force_lag": "force lag"}
 _UNITS = {"k1": "N/m", "s1": "N s/m", "tau": "s", "k2": "N/m", "alpha_bw": "N", "rho": "1/m", "c_bw": "1", "n_bw": "1"}
 _UNITS |= {"s_mr": "N s/m", "force_lag": "s"}
 # In which unit the table tells a number, and how many of it one SI unit is.
@@ -145,15 +146,13 @@ def _side_by_side(findings: Findings, run: str, title: str) -> Table:
     of_run = table[table["run"] == run].set_index("name")
     rows = []
     for name in [name for name in _TOLD if name in of_run.index]:
-        row, (unit, factor) = of_run.loc[name], _TOLD[name]
+        row, factor = of_run.loc[name], _TOLD[name][1]
         off = row.get("difference")
         rows.append(
             [
-                _SYMBOLS[name],
-                unit,
-                _cell(row["batch"], row["batch_low"], row["batch_high"], factor),
+                *told(name, row["batch"], row["batch_low"], row["batch_high"]),
                 _cell(row.get("online"), row.get("online_low"), row.get("online_high"), factor),
-                f"{100 * float(off):+.2g} %" if off is not None and np.isfinite(off) else "",
+                f"{100 * float(off):+.2f} %" if off is not None and np.isfinite(off) else "",
             ]
         )
     return Table(
@@ -170,6 +169,12 @@ def _side_by_side(findings: Findings, run: str, title: str) -> Table:
         ],
         rows,
     )
+
+
+def told(name: str, value: float | None, low: float | None, high: float | None) -> tuple[str, str, str]:
+    """Return symbol, unit, and value with half of its interval of a parameter, as the tables of both methods tell it."""
+    unit, factor = _TOLD[name]
+    return _SYMBOLS[name].partition(",")[0], unit, _cell(value, low, high, factor)
 
 
 def _cell(value: float | None, low: float | None, high: float | None, factor: float) -> str:

@@ -71,6 +71,7 @@ def _effects(preloads: PreloadTable | None) -> Sequence[Published]:
                 name=f"MR effect at {preload:.0f} N preload, 6 A, equal {equal}",
                 published=value,
                 found=effect.value,
+                unit="%",
                 where="section 5.3",
                 agrees=bool(abs(effect.value - value) <= 0.015 + 1.96 * (effect.std_error or 0.0))
                 if equal == "force"
