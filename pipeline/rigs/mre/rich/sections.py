@@ -160,7 +160,7 @@ def _time(findings: Findings, titles: dict[str, str]) -> list[Figure]:
             f"Does the model follow in time? {captions.missed(table)} Two seconds of the second half; the parameters are those of the whole record.",
             "force over time, measured and model, and residual over time",
             panels,
-            columns=1,
+            columns=2,
         )
     ]
 

@@ -31,7 +31,7 @@ _SYMBOLS = {
     "c_bw": "C",
     "n_bw": "n",
     "s_mr": "s_MR",
-    "force_lag": "δ, lag of the force",
+    "force_lag": "δ",
 }
 _UNITS = {"k1": "N/m", "s1": "N s/m", "tau": "s", "k2": "N/m", "alpha_bw": "N", "rho": "1/m", "c_bw": "1", "n_bw": "1"}
 _UNITS |= {"s_mr": "N s/m", "force_lag": "s"}
@@ -126,7 +126,7 @@ def _over_time(findings: Findings, run: str, title: str) -> Figure:
         "that it claims; grey: the batch fit of the whole record. What is off the scale at the start is cut.",
         "each parameter over time as the filter estimates it, with its band and the value of the batch fit",
         panels,
-        columns=2,
+        columns=3,
         share_x=True,
     )
 
@@ -172,9 +172,9 @@ def _side_by_side(findings: Findings, run: str, title: str) -> Table:
 
 
 def told(name: str, value: float | None, low: float | None, high: float | None) -> tuple[str, str, str]:
-    """Return symbol, unit, and value with half of its interval of a parameter, as the tables of both methods tell it."""
+    """Return name, unit, and value with half of its interval of a parameter, as the tables of both methods tell it."""
     unit, factor = _TOLD[name]
-    return _SYMBOLS[name].partition(",")[0], unit, _cell(value, low, high, factor)
+    return name, unit, _cell(value, low, high, factor)
 
 
 def _cell(value: float | None, low: float | None, high: float | None, factor: float) -> str:
