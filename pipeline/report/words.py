@@ -7,9 +7,9 @@ import unicodedata
 
 from markupsafe import Markup
 
-_TYPESET = {"+-": "±", "-": "−", "um": "µm", "us": "µs", "degC": "°C", "chi2": "χ²", "^2": "²", "^3": "³"}
+_TYPESET = {"+-": "±", "-": "−", "u": "µ", "degC": "°C", "chi2": "χ²", "^2": "²", "^3": "³"}
 _TYPEWRITTEN = re.compile(
-    r"\+-(?= ?\d)|(?<![^\s(±+])-(?=\d)|(?<=\d )u[ms]\b|(?<=\d )degC\b|(?<=in )degC\b|\bchi2\b|(?<=[A-Za-z)])\^[23](?!\.?\d)"
+    r"\+-(?= ?\d)|(?<![^\s(±+])-(?=\d)|(?<=\d )u(?=(?:m|s|g|A|Ah|V|W|N)\b)|(?<=\d )degC\b|(?<=in )degC\b|\bchi2\b|(?<=[A-Za-z)])\^[23](?!\.?\d)"
 )
 _POWER_OF_TEN = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-])0*(\d+)(?!\w)")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

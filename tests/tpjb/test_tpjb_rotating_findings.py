@@ -195,7 +195,7 @@ def test_checks_of_the_paper_come_from_its_equations():
     assert curvature(np.stack([np.cos(angle), np.sin(angle)])) == pytest.approx((1.0, 1.0))
     # Ellipse with half axes 2 and 1: curvature a/b^2 and b/a^2, times the mean radius.
     shapes = next(row for row in paper_alone() if "stiffness by load" in row.name)
-    assert "0.76..1.28 becomes 0.41..2.85" in str(shapes.found)
+    assert "0.76 to 1.28 becomes 0.41 to 2.85" in str(shapes.found)
     low, high = curvature(np.stack([2 * np.cos(angle), np.sin(angle)]))
     assert high / low == pytest.approx(8.0, rel=1e-9)
 

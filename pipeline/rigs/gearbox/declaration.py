@@ -87,52 +87,82 @@ def _pair(name: str, symbol: str, unit: str, description: str, source: str) -> t
 
 PARAMETERS = (
     ParameterSpec(
-        "inertia_load", "J_L", "kg*m^2", "inertia of what turns behind the output torque sensor", "eq. A", key=True
+        "inertia_load",
+        "J_L",
+        "kg*m^2",
+        "inertia of what turns behind the output torque sensor",
+        "not in the paper",
+        key=True,
     ),
-    ParameterSpec("drag_coulomb", "d_0", "N*m", "drag of the load that does not depend on speed", "eq. A", key=True),
-    ParameterSpec("drag_viscous", "d_1", "N*m*s/rad", "drag of the load in proportion to speed", "eq. A", key=True),
     ParameterSpec(
-        "efficiency_fos", r"\eta", "1", "output over input power while locked (FOS)", "eqs 7, 8; 3.4", key=True
+        "drag_coulomb", "d_0", "N*m", "drag of the load that does not depend on speed", "not in the paper", key=True
+    ),
+    ParameterSpec(
+        "drag_viscous", "d_1", "N*m*s/rad", "drag of the load in proportion to speed", "not in the paper", key=True
+    ),
+    ParameterSpec(
+        "efficiency_fos", r"\eta", "1", "output over input power while locked (FOS)", "eqs (7), (8)", key=True
     ),
     ParameterSpec(
         "torque_ratio_sos",
         "T_{out}/T_{in}",
         "1",
         "output over input torque while the output stands (SOS): a reaction, no efficiency",
-        "3.4",
+        "not in the paper",
         key=True,
     ),
     ParameterSpec(
-        "power_dissipated_sos", "P_{diss}", "W", "input power in SOS, all of which becomes heat", "3.4", key=True
+        "power_dissipated_sos",
+        "P_{diss}",
+        "W",
+        "input power in SOS, all of which becomes heat",
+        "not in the paper",
+        key=True,
     ),
-    ParameterSpec("lock_torque", "M_{lock}", "N*m", "torque on the lock when it breaks", "3.3; 5.4", key=True),
-    ParameterSpec("slip_torque", "M_{slip}", "N*m", "torque of the slipping gears in SOS", "3.3; 5.4", key=True),
-    ParameterSpec("torque_transfer_slope", "a", "1", "slope of output over input torque", "eqs B, C; 5.4", key=True),
+    ParameterSpec("lock_torque", "M_{lock}", "N*m", "torque on the lock when it breaks", "not in the paper", key=True),
+    ParameterSpec(
+        "slip_torque", "M_{slip}", "N*m", "torque of the slipping gears in SOS", "not in the paper", key=True
+    ),
+    ParameterSpec("torque_transfer_slope", "a", "1", "slope of output over input torque", "not in the paper", key=True),
     ParameterSpec(
         "torque_transfer_intercept",
         "T_{00}",
         "N*m",
         "input torque at which the fitted line reaches zero output torque",
-        "5.4",
+        "not in the paper",
     ),
-    *_pair("torque_{}_nominal", "T_{{{}}}", "N*m", "mean torque over the stage", "5.2"),
-    *_pair("torque_{}_peak", r"\hat T_{{{}}}", "N*m", "peak of the torque, 20 Hz zero-phase low-pass", "5.3"),
-    *_pair("torque_relief_{}", r"r_{{{}}}", "1", "1 - SOS nominal / brake peak", "4.2"),
-    *_pair("torque_residual_{}", r"q_{{{}}}", "1", "SOS nominal / brake peak (the paper's percentages)", "4.2"),
-    *_pair("startup_excess_{}", r"\Delta T_{{s,{}}}", "N*m", "start-up peak less FOS nominal; not an inertia", "4.2"),
-    ParameterSpec("breakaway_drop_in", r"\Delta T_{drop}", "N*m", "brake peak less SOS nominal, input", "4.2"),
-    ParameterSpec("breakaway_rise_in", r"\Delta T_{rise}", "N*m", "brake peak less FOS nominal, input", "4.2"),
-    ParameterSpec("speed_out_nominal", r"\omega_{C2}", "rad/s", "output speed in FOS", "5.1"),
-    ParameterSpec("speed_in_sos", r"\omega_{C1}", "rad/s", "input speed in SOS", "5.5"),
-    ParameterSpec("event_time", "t", "s", "time of an event, clock of the torques", "5.1"),
-    ParameterSpec("vibration_rms", "a_{rms}", "m/s^2", "acceleration above 2 Hz, root mean square", "5.7"),
-    ParameterSpec("drag_locked", "T_0", "N*m", "drag to ground of the locked gearbox, at the input", "3.5; 5.4"),
-    ParameterSpec("c0", "c_0", "N*m", "constant part of the locked drag", "3.5"),
-    ParameterSpec("c_s", "c_S", "N*m", "Stribeck part of the locked drag", "3.5"),
-    ParameterSpec("w_s", r"\omega_S", "rad/s", "Stribeck speed of the locked drag", "3.5"),
-    ParameterSpec("b0", "b_0", "N*m*s/rad", "viscous part of the locked drag", "3.5"),
-    ParameterSpec("slip_torque_slope", "M_v", "N*m*s/rad", "slip torque over slip speed, slope", "3.5"),
-    ParameterSpec("slip_torque_intercept", "M_c", "N*m", "slip torque over slip speed, at no slip", "3.5"),
+    *_pair("torque_{}_nominal", "T_{{{}}}", "N*m", "mean torque over the stage", "sections 4, 5"),
+    *_pair("torque_{}_peak", r"\hat T_{{{}}}", "N*m", "peak of the torque, 20 Hz zero-phase low-pass", "sections 4, 5"),
+    *_pair("torque_relief_{}", r"r_{{{}}}", "1", "1 - SOS nominal / brake peak", "sections 4, 5"),
+    *_pair(
+        "torque_residual_{}", r"q_{{{}}}", "1", "SOS nominal / brake peak (the paper's percentages)", "sections 4, 5"
+    ),
+    *_pair(
+        "startup_excess_{}",
+        r"\Delta T_{{s,{}}}",
+        "N*m",
+        "start-up peak less FOS nominal; not an inertia",
+        "sections 4, 5",
+    ),
+    ParameterSpec(
+        "breakaway_drop_in", r"\Delta T_{drop}", "N*m", "brake peak less SOS nominal, input", "sections 4, 5"
+    ),
+    ParameterSpec(
+        "breakaway_rise_in", r"\Delta T_{rise}", "N*m", "brake peak less FOS nominal, input", "sections 4, 5"
+    ),
+    ParameterSpec("speed_out_nominal", r"\omega_{C2}", "rad/s", "output speed in FOS", "not in the paper"),
+    ParameterSpec("speed_in_sos", r"\omega_{C1}", "rad/s", "input speed in SOS", "not in the paper"),
+    ParameterSpec("event_time", "t", "s", "time of an event, clock of the torques", "not in the paper"),
+    ParameterSpec("vibration_rms", "a_{rms}", "m/s^2", "acceleration above 2 Hz, root mean square", "not in the paper"),
+    ParameterSpec(
+        "drag_locked", "T_0", "N*m", "drag to ground of the locked gearbox, at the input", "not in the paper"
+    ),
+    ParameterSpec("c0", "c_0", "N*m", "constant part of the locked drag", "not in the paper"),
+    ParameterSpec("c_s", "c_S", "N*m", "Stribeck part of the locked drag", "not in the paper"),
+    ParameterSpec("w_s", r"\omega_S", "rad/s", "Stribeck speed of the locked drag", "not in the paper"),
+    ParameterSpec("b0", "b_0", "N*m*s/rad", "viscous part of the locked drag", "not in the paper"),
+    ParameterSpec("slip_torque_slope", "M_v", "N*m*s/rad", "slip torque over slip speed, slope", "not in the paper"),
+    ParameterSpec("slip_torque_intercept", "M_c", "N*m", "slip torque over slip speed, at no slip", "not in the paper"),
 )
 
 GONZALEZ_CRUZ_2019 = Reference(

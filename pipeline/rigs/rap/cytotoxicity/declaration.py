@@ -65,10 +65,20 @@ OPERATING = (ConditionSpec("time", "s", "how long the fluid had gone round when 
 _TEXT = "to the control, at one time; the 90 % interval of the equivalence test stands in the description"
 PARAMETERS = (
     ParameterSpec(
-        "viability_difference", r"d_{via}", "1", f"difference of viability {_TEXT}", "3.12", key=True, read_as="%"
+        "viability_difference",
+        r"d_{via}",
+        "1",
+        f"difference of viability {_TEXT}",
+        "not in the paper",
+        key=True,
+        read_as="%",
     ),
-    ParameterSpec("necrosis_difference", r"d_{nec}", "1", f"difference of necrosis {_TEXT}", "3.12", read_as="%"),
-    ParameterSpec("apoptosis_difference", r"d_{apo}", "1", f"difference of apoptosis {_TEXT}", "3.12", read_as="%"),
+    ParameterSpec(
+        "necrosis_difference", r"d_{nec}", "1", f"difference of necrosis {_TEXT}", "not in the paper", read_as="%"
+    ),
+    ParameterSpec(
+        "apoptosis_difference", r"d_{apo}", "1", f"difference of apoptosis {_TEXT}", "not in the paper", read_as="%"
+    ),
 )
 
 CYTOTOXICITY = Experiment(

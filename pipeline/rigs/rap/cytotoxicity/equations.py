@@ -8,11 +8,11 @@ EQUATIONS = (
     Equation(
         r"d_j = \bar m_j - \bar m_c",
         "Difference of a share of cells to the control at time j: d_via, d_nec and d_apo of viability, necrosis and apoptosis.",
-        "3.12",
+        "not in the paper",
     ),
     Equation(
         r"[d_j - t_{0.95} s_j,\ d_j + t_{0.95} s_j] \subset [-\Delta, \Delta]",
         "Equivalent where the 90 % interval lies within the margins at every time: two one-sided tests at 5 %, with the variance pooled over all groups.",
-        "3.12",
+        "not in the paper",
     ),
 )

@@ -57,14 +57,14 @@ OPERATING = (
     ConditionSpec("flow_set", "m^3/s", "blood flow as set", read_as="mL/min"),
 )  # fmt: skip
 PARAMETERS = (
-    ParameterSpec("stroke_volume", "V_g", "m^3", "volume of a roller passage (E2)", "eq. 6", key=True, read_as="mL"),
-    ParameterSpec("y0", "y_0", "m^3/(s Pa)", "flow lost for a pascal of pulsation at 2 Hz (E2)", "eq. 6", key=True),
-    ParameterSpec("y1", "y_1", "m^3/Pa", "slope of y0 over frequency (E2)", "eq. 6", key=True),
-    ParameterSpec("stroke_volume_mean", "V_0", "m^3", "volume of a roller passage against no pressure (E3)", "3.5, E3", key=True, read_as="mL"),
-    ParameterSpec("pump_compliance", "C_p", "m^3/Pa", "volume of a passage lost for a pascal of back pressure, by the device's sensors (E3)", "3.5, E3", key=True),
-    ParameterSpec("flow", r"\hat Q", "m^3/s", "estimated blood flow, mean of the windows", "eq. 6; 3.5", read_as="mL/min"),
-    ParameterSpec("flow_error_max", r"\max|e|", "1", "largest relative error of a window, (estimate - meter)/meter", "5.3", read_as="%"),
-    ParameterSpec("flow_error_rms", "e_{rms}", "1", "relative error of the windows, root mean square", "5.3", read_as="%"),
+    ParameterSpec("stroke_volume", "V_g", "m^3", "volume of a roller passage (E2)", "own eq. (6)", key=True, read_as="mL"),
+    ParameterSpec("y0", "y_0", "m^3/(s Pa)", "flow lost for a pascal of pulsation at 2 Hz (E2)", "own eq. (6)", key=True),
+    ParameterSpec("y1", "y_1", "m^3/Pa", "slope of y0 over frequency (E2)", "own eq. (6)", key=True),
+    ParameterSpec("stroke_volume_mean", "V_0", "m^3", "volume of a roller passage against no pressure (E3)", "own, E3", key=True, read_as="mL"),
+    ParameterSpec("pump_compliance", "C_p", "m^3/Pa", "volume of a passage lost for a pascal of back pressure, by the device's sensors (E3)", "own, E3", key=True),
+    ParameterSpec("flow", r"\hat Q", "m^3/s", "estimated blood flow, mean of the windows", "own eq. (6)", read_as="mL/min"),
+    ParameterSpec("flow_error_max", r"\max|e|", "1", "largest relative error of a window, (estimate - meter)/meter", "not in the paper", read_as="%"),
+    ParameterSpec("flow_error_rms", "e_{rms}", "1", "relative error of the windows, root mean square", "not in the paper", read_as="%"),
 )  # fmt: skip
 
 FLOW = Experiment(

@@ -105,5 +105,5 @@ def _statistics() -> Published:
         "the paper shows return pressures and says that the others are alike; bias, limits of agreement, lag and gain are not given, so nothing found "
         f"here can confirm or contradict it. A sensor that sits 10 cm off the reservoir's level is off by {head:.0f} Pa ({head / MMHG:.1f} mmHg), not "
         "negligible beside signals of 10 to 30 mmHg",
-        "T1",
+        "test of the pressures",
     )  # fmt: skip

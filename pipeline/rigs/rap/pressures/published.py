@@ -30,7 +30,7 @@ def _sampling(runs: Sequence[RunNumbers]) -> list[Published]:
     words = {"rap": "device", "bench": "bench"}
     return [
         Published(
-            name=f"sampling of the {words[reader]}'s pressures", published=PRINTED.sampling, found=rate, unit="Hz", where="T1",
+            name=f"sampling of the {words[reader]}'s pressures", published=PRINTED.sampling, found=rate, unit="Hz", where="test of the pressures",
             agrees=abs(rate / PRINTED.sampling - 1.0) < _SAME,
             remark="by its own stamps; harmonics of the pump above half of it fold back",
         )
@@ -51,7 +51,7 @@ def _agreement(runs: Sequence[RunNumbers]) -> list[Published]:
                     name=f"{TAP_NAMES[tap]} pressure agrees with the bench" + (f", run {run.name}" if len(runs) > 1 else ""),
                     published="good agreement (return shown, the others said to be alike)",
                     found=f"bias {bias / MMHG:+.2f} mmHg, limits ±{half / MMHG:.2f} mmHg about it" if bias is not None else f"limits ±{half / MMHG:.2f} mmHg",
-                    where="T1, figure lost", agrees=None,
+                    where="test of the pressures, figure lost", agrees=None,
                     remark="the paper gives no statistic and no limit to hold this against",
                 )
             )  # fmt: skip
@@ -68,7 +68,7 @@ def _set_points(runs: Sequence[RunNumbers]) -> list[Published]:
     return [
         Published(
             name="set-points of the blood flow", published=" / ".join(f"{flow:g}" for flow in paper) + " mL/min",
-            found=" / ".join(f"{flow:g}" for flow in flows) + " mL/min", where="T1, T2", agrees=flows == paper,
+            found=" / ".join(f"{flow:g}" for flow in flows) + " mL/min", where="tests of pressures and flow", agrees=flows == paper,
             remark="other set-points are no fault; the notes on rows 4 and 6 stand beside the set-points used",
         )
     ]  # fmt: skip
@@ -86,7 +86,7 @@ def _inertance(parameters: Sequence[Parameter]) -> list[Published]:
     return [
         Published(
             name="tubing behind the filter", published=f"{tubing / ML:.0f} mL in all lines", found=f"{volume / ML:.1f} mL",
-            where="priming volumes; section 3.3 of the sheet", agrees=None,
+            where="priming volumes", agrees=None,
             remark=f"the inertance of the return line is that of {length:.2f} m of {1e3 * bore:g} mm tube; a catheter's lumen adds inertance without much volume. "
             + ("It fits into the paper's tubing" if volume < tubing else "It is more than the paper's tubing: another set, or narrower parts"),
         )

@@ -65,28 +65,28 @@ OPERATING = (
 )
 
 PARAMETERS = (
-    ParameterSpec("uf_volume_final", "V_{end}", "m^3", "ultrafiltrate in the tank at the end", "eqs 8, 9", key=True),
+    ParameterSpec("uf_volume_final", "V_{end}", "m^3", "ultrafiltrate in the tank at the end", "own eqs (8), (9)", key=True),
     ParameterSpec(
         "uf_volume_error_rms", r"e_{V,rms}", "m^3", "estimated less weighed volume after the first echo, root mean square",
-        "eqs 8, 9", key=True,
+        "own eqs (8), (9)", key=True,
     ),
     ParameterSpec(
-        "uf_pump_gain", "s", "1", "delivered over commanded ultrafiltration, mean over the valid part", "eq. 9", key=True
+        "uf_pump_gain", "s", "1", "delivered over commanded ultrafiltration, mean over the valid part", "own eq. (9)", key=True
     ),
-    ParameterSpec("k_uf_initial", "K_0", "m^3/(s Pa)", "hydraulic coefficient of the membrane at the start", "3.8", key=True),
-    ParameterSpec("k_uf_decline", "a", "1", "decline: K = K_0/(1 + a t/5 h)", "3.8", key=True),
-    ParameterSpec("energy_used", "E", "J", "electric energy used in the run", "3.11", key=True),
-    ParameterSpec("runtime_projected", r"t_{run}", "s", "time that the full battery lasts at the mean power", "3.11", key=True),
-    ParameterSpec("alarm_count", r"n_{alarm}", "1", "alarms that were due by the log, all codes together", "3.9", key=True),
+    ParameterSpec("k_uf_initial", "K_0", "m^3/(s Pa)", "hydraulic coefficient of the membrane at the start", "not in the paper", key=True),
+    ParameterSpec("k_uf_decline", "a", "1", "decline: K = K_0/(1 + a t/5 h)", "not in the paper", key=True),
+    ParameterSpec("energy_used", "E", "J", "electric energy used in the run", "not in the paper", key=True),
+    ParameterSpec("runtime_projected", r"t_{run}", "s", "time that the full battery lasts at the mean power", "not in the paper", key=True),
+    ParameterSpec("alarm_count", r"n_{alarm}", "1", "alarms that were due by the log, all codes together", "not in the paper", key=True),
     ParameterSpec(
         "temperature_error_max", r"|\Delta T|_{max}", "K", "largest difference of the device's temperature to the bench's",
-        "3.6", key=True,
+        "not in the paper", key=True,
     ),
-    ParameterSpec("temperature_initial", "T_0", "K", "air in the housing at the start", "eq. 7"),
-    ParameterSpec("temperature_final", r"T_\infty", "K", "air in the housing in the end state", "eq. 7"),
-    ParameterSpec("time_constant", r"\tau", "s", "time constant of the housing's warming", "eq. 7"),
-    ParameterSpec("alarm_time", "t_{alarm}", "s", "onset of an alarm re-derived from the log, device's clock", "3.9"),
-    ParameterSpec("mismatch_time", "t_{mis}", "s", "onset of a mismatch of the two units, device's clock", "3.10"),
+    ParameterSpec("temperature_initial", "T_0", "K", "air in the housing at the start", "own eq. (7)"),
+    ParameterSpec("temperature_final", r"T_\infty", "K", "air in the housing in the end state", "own eq. (7)"),
+    ParameterSpec("time_constant", r"\tau", "s", "time constant of the housing's warming", "own eq. (7)"),
+    ParameterSpec("alarm_time", "t_{alarm}", "s", "onset of an alarm re-derived from the log, device's clock", "not in the paper"),
+    ParameterSpec("mismatch_time", "t_{mis}", "s", "onset of a mismatch of the two units, device's clock", "not in the paper"),
 )  # fmt: skip
 
 THERAPY = Experiment(

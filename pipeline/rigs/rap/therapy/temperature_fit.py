@@ -84,7 +84,7 @@ def fit_temperature(sensor: Signal, source: str, start: float = 0.0) -> Temperat
     problems: list[QualityFinding] = []
     if T.size < 5:
         reason = (
-            f"{T.size} samples cannot tell three numbers of eq. 7; log the temperature every 10 min from switching on"
+            f"{T.size} samples cannot tell three numbers of eq. (7); log the temperature every 10 min from switching on"
         )
         T_0, T_inf, tau = (undetermined(name, reason, at) for name in _NAMES)
         return TemperatureFit(source, T_0, T_inf, tau, sensor.time, T, np.full(T.size, np.nan), math.nan, 0, ())
@@ -241,5 +241,5 @@ def air_temperature(rap: Signal | None, bench: Signal | None, lag: float = 0.0) 
         if len(told) < len(course.estimates):
             return AirTemperature(time, course.modelled, sd, f"a smooth course through the {word}'s samples")
         dense = np.arange(time[0], time[-1] + 60.0, 60.0)
-        return AirTemperature(dense, housing_temperature(dense, *told), sd, f"eq. 7 through the {word}'s samples")
+        return AirTemperature(dense, housing_temperature(dense, *told), sd, f"eq. (7) through the {word}'s samples")
     return AirTemperature(time, chosen.values, sd, f"the {word}'s samples, straight lines between them")

@@ -35,7 +35,7 @@ PARAMETERS = (
         r"\mathrm{rms}(F_z)",
         "N",
         "filtered load against the reference channel, rms",
-        "5.11",
+        "not in the paper",
         key=True,
     ),
     ParameterSpec(
@@ -43,11 +43,13 @@ PARAMETERS = (
         r"\mathrm{rms}(F_x)",
         "N",
         "filtered longitudinal force against the reference channel, rms",
-        "5.11",
+        "not in the paper",
         key=True,
     ),
-    ParameterSpec("event_time", "t", "s", "centre of an event", "5.13"),
-    ParameterSpec("packet_loss", "p", "1", "share of the radio's packets that are missing", "5.1", key=True),
+    ParameterSpec("event_time", "t", "s", "centre of an event", "not in the paper"),
+    ParameterSpec(
+        "packet_loss", "p", "1", "share of the radio's packets that are missing", "not in the paper", key=True
+    ),
 )
 
 BAR_SHALOM_2001 = Reference(

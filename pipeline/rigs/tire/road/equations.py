@@ -15,21 +15,21 @@ EQUATIONS = (
     Equation(
         r"\Omega_j = \frac{2 \pi}{t_{j+1} - t_j}, \qquad V = R_e \Omega",
         "Rotation from passage to passage, and peripheral speed.",
-        "3.5",
+        "not in the paper",
     ),
     Equation(
         r"z_{j+1} = \begin{pmatrix} 1 & \Delta t \\ 0 & 1 \end{pmatrix} z_j + v_j, \qquad \mathrm{cov}\, v_j = q^2 \begin{pmatrix} \Delta t^3/3 & \Delta t^2/2 \\ \Delta t^2/2 & \Delta t \end{pmatrix}",
         "Tracks: value and slope of load, force and rotation in a Kalman filter, the slope a random walk.",
-        "sheet, 5",
+        "not in the paper",
     ),
     Equation(
         r"\mathrm{rms}(F_z) = \sqrt{ \overline{(F_z - F_{z,ref})^2} }, \qquad \mathrm{rms}(F_x) = \sqrt{ \overline{(F_x - F_{x,ref})^2} }",
         "Filtered tracks against the reference channels.",
-        "5.11",
+        "not in the paper",
     ),
     Equation(
         r"p = \frac{N_{missing}}{N_{sent}}",
         "Share of packets that are missing.",
-        "5.1",
+        "not in the paper",
     ),
 )

@@ -19,9 +19,14 @@ class BaselineSettings(Settings):
 
 
 PARAMETERS = (
-    ParameterSpec("stator_mass", "m_s", "kg", "mass of the floating stator", "sheet, T0", key=True),
+    ParameterSpec("stator_mass", "m_s", "kg", "mass of the floating stator", "not in the paper", key=True),
     ParameterSpec(
-        "stabilizer_stiffness", "k_s", "N/m", "stiffness of stabilisers and hoses to ground", "sheet, T0", key=True
+        "stabilizer_stiffness",
+        "k_s",
+        "N/m",
+        "stiffness of stabilisers and hoses to ground",
+        "not in the paper",
+        key=True,
     ),
 )
 

@@ -8,6 +8,6 @@ EQUATIONS = (
     Equation(
         r"\frac{F(\omega)}{a(\omega)} = m_s - \frac{k_s}{\omega^2}",
         "Force over acceleration of the stator that hangs free on its stabilisers, tone by tone; its real part is fitted.",
-        "sheet, T0",
+        "not in the paper",
     ),
 )

@@ -29,22 +29,46 @@ class BumpSettings(Settings):
 
 
 PARAMETERS = (
-    ParameterSpec("center_x", "d_{0x}", "m", "centre of the clearance polygon, horizontal", "Fig. 5; T1", key=True),
-    ParameterSpec("center_y", "d_{0y}", "m", "centre of the clearance polygon, vertical", "Fig. 5; T1", key=True),
+    ParameterSpec("center_x", "d_{0x}", "m", "centre of the clearance polygon, horizontal", "Fig. 5", key=True),
+    ParameterSpec("center_y", "d_{0y}", "m", "centre of the clearance polygon, vertical", "Fig. 5", key=True),
     ParameterSpec(
-        "clearance", "c", "m", "distance of a side from the centre; without side the mean of all", "T1", key=True
+        "clearance",
+        "c",
+        "m",
+        "distance of a side from the centre; without side the mean of all",
+        "not in the paper",
+        key=True,
     ),
     ParameterSpec(
-        "rotation", r"\alpha", "rad", "turn of the polygon against the pad angles, anticlockwise", "T1", key=True
+        "rotation",
+        r"\alpha",
+        "rad",
+        "turn of the polygon against the pad angles, anticlockwise",
+        "not in the paper",
+        key=True,
     ),
     ParameterSpec(
-        "tilt_x", r"\theta_x", "rad", "slope of the bearing's axis against the shaft, horizontal", "T1", key=True
+        "tilt_x",
+        r"\theta_x",
+        "rad",
+        "slope of the bearing's axis against the shaft, horizontal",
+        "not in the paper",
+        key=True,
     ),
     ParameterSpec(
-        "tilt_y", r"\theta_y", "rad", "slope of the bearing's axis against the shaft, vertical", "T1", key=True
+        "tilt_y",
+        r"\theta_y",
+        "rad",
+        "slope of the bearing's axis against the shaft, vertical",
+        "not in the paper",
+        key=True,
     ),
-    ParameterSpec("contact_stiffness", "k_p", "N/m", "stiffness of the contact of one pad", "T1", key=True),
-    ParameterSpec("support_stiffness", "k_s", "N/m", "stiffness of stabilisers and hoses", "T1", key=True),
+    ParameterSpec(
+        "contact_stiffness", "k_p", "N/m", "stiffness of the contact of one pad", "not in the paper", key=True
+    ),
+    ParameterSpec(
+        "support_stiffness", "k_s", "N/m", "stiffness of stabilisers and hoses", "not in the paper", key=True
+    ),
 )
 
 OREAR_1982 = Reference(

@@ -8,7 +8,7 @@ EQUATIONS = (
     Equation(
         r"F_b = F - \left( m_s - \frac{k_s}{\omega^2} \right) a",
         "Force on the oil film, from the measured force and the absolute acceleration of the stator (phasors of each tone).",
-        "sheet, 3",
+        "not in the paper",
     ),
     Equation(
         r"H = \begin{pmatrix} F_{b,f} & F_{b,a} \end{pmatrix} \begin{pmatrix} D_f & D_a \end{pmatrix}^{-1}",

@@ -150,6 +150,10 @@ def of_comparison(part: pd.DataFrame) -> str:
     agree = int(known["holds"].astype(bool).sum())
     worst = known.iloc[int(known["z"].abs().argmax())]
     return (
-        f"In {agree} of {len(known)} cases; the largest difference is {abs(worst['z']):.1f} standard errors ({str(worst['name']).replace('dk', 'd k')}, "
+        f"In {agree} of {len(known)} cases; the largest difference is {_to_three(abs(worst['z']))} standard errors ({str(worst['name']).replace('dk', 'd k')}, "
         f"{worst['group']})."
     )
+
+
+def _to_three(number: float) -> str:
+    return f"{number:.1f}" if number < 100.0 else f"{number:.3g}"

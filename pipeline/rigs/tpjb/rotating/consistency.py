@@ -93,12 +93,12 @@ def stiffness_of_load(
             loads = sorted(measured)
             k = np.array([measured[load].stiffness for load in loads])
             sigma = np.array([measured[load].std_error for load in loads])
-            found[bearing] = StiffnessOfLoad.through(loads, k, sigma), "T2"
+            found[bearing] = StiffnessOfLoad.through(loads, k, sigma), "dynamic test"
         elif len(own) > 1:
             fits = [own[load] for load in sorted(own)]
             k = np.array([fit.p[:4] for fit in fits])
             sigma = np.sqrt(np.array([np.diag(fit.p_covariance)[:4] for fit in fits]))
-            found[bearing] = StiffnessOfLoad.through(sorted(own), k, sigma), "T3 itself"
+            found[bearing] = StiffnessOfLoad.through(sorted(own), k, sigma), "rotating load itself"
     return found
 
 
@@ -179,7 +179,7 @@ def _against_dynamic(group: LoadGroup, uses: Mapping[str, Findings]) -> list[Con
                 continue
             found.append(
                 Consistency(
-                    group.label, "T3 against T2", f"{name}, {label}", float(fit.p[j]), sd, float(state.stiffness[j]),
+                    group.label, "Rotating load against dynamic test", f"{name}, {label}", float(fit.p[j]), sd, float(state.stiffness[j]),
                     float(state.std_error[j]), "N/m",
                     f"the rotating load and the dynamic test ({state.how}) do not give the same stiffness: another state of "
                     "the bearing, a delay between force and motion, or frames of probes and actuators that are turned",

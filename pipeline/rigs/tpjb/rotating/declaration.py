@@ -32,16 +32,26 @@ PARAMETERS = (
     ParameterSpec("kxy", "k_{xy}", "N/m", "stiffness, x force by y displacement", _LINEAR),
     ParameterSpec("kyx", "k_{yx}", "N/m", "stiffness, y force by x displacement", _LINEAR),
     ParameterSpec("kyy", "k_{yy}", "N/m", "stiffness, y force by y displacement", _LINEAR, key=True),
-    ParameterSpec("kxx2", "k_{xx2}", "N/m^2", "x force by the square of x displacement", _QUADRATIC, key=True),
-    ParameterSpec("kxy2", "k_{xy2}", "N/m^2", "x force by the square of y displacement", _QUADRATIC),
-    ParameterSpec("kyx2", "k_{yx2}", "N/m^2", "y force by the square of x displacement", _QUADRATIC),
-    ParameterSpec("kyy2", "k_{yy2}", "N/m^2", "y force by the square of y displacement", _QUADRATIC, key=True),
-    ParameterSpec("kxxy", "k_{xxy}", "N/m^2", "x force by the product of the displacements", _MIXED),
-    ParameterSpec("kyxy", "k_{yxy}", "N/m^2", "y force by the product of the displacements", _MIXED),
-    ParameterSpec("thd", r"\mathrm{THD}", "1", "harmonics that the load does not explain, over the 1X", "sheet, 5 d"),
+    ParameterSpec(
+        "kxx2", "k_{xx2}", "N/m^2", "quadratic stiffness, x force by the square of x displacement", _QUADRATIC, key=True
+    ),
+    ParameterSpec(
+        "kxy2", "k_{xy2}", "N/m^2", "quadratic stiffness, x force by the square of y displacement", _QUADRATIC
+    ),
+    ParameterSpec(
+        "kyx2", "k_{yx2}", "N/m^2", "quadratic stiffness, y force by the square of x displacement", _QUADRATIC
+    ),
+    ParameterSpec(
+        "kyy2", "k_{yy2}", "N/m^2", "quadratic stiffness, y force by the square of y displacement", _QUADRATIC, key=True
+    ),
+    ParameterSpec("kxxy", "k_{xxy}", "N/m^2", "mixed stiffness, x force by the product of the displacements", _MIXED),
+    ParameterSpec("kyxy", "k_{yxy}", "N/m^2", "mixed stiffness, y force by the product of the displacements", _MIXED),
+    ParameterSpec(
+        "thd", r"\mathrm{THD}", "1", "harmonics that the load does not explain, over the 1X", "not in the paper"
+    ),
     ParameterSpec("orbit_harmonic_x", "X_n", "m", "amplitude of the horizontal displacement, by order", "Fig. 8"),
     ParameterSpec("orbit_harmonic_y", "Y_n", "m", "amplitude of the vertical displacement, by order", "Fig. 8"),
-    ParameterSpec("linear_limit", r"\rho^*", "1", "load ratio at which the THD is 5 %", "sheet, 5 d", key=True),
+    ParameterSpec("linear_limit", r"\rho^*", "1", "load ratio at which the THD is 5 %", "not in the paper", key=True),
 )
 
 OREAR_1982 = Reference(

@@ -60,7 +60,7 @@ def _state(parameters: list[Parameter], bearing: str, load: float, speed: float 
     tones = [_static(parameters, name) for name in ENTRIES]
     if all(tone is not None for tone in tones):
         values = np.array(tones, dtype=float)
-        return DynamicState(bearing, load, speed, values[:, 0], values[:, 1], "T2, all tones carried to 0 Hz")
+        return DynamicState(bearing, load, speed, values[:, 0], values[:, 1], "dynamic test, all tones carried to 0 Hz")
     synchronous = [
         next(
             (p for p in parameters if p.name == name and p.at.get("synchronous") is True and p.value is not None), None
@@ -71,7 +71,7 @@ def _state(parameters: list[Parameter], bearing: str, load: float, speed: float 
         return None
     value = np.array([p.value for p in synchronous if p is not None], dtype=float)
     error = np.array([type_a(p) or math.nan for p in synchronous if p is not None])
-    return DynamicState(bearing, load, speed, value, error, "T2, at shaft frequency")
+    return DynamicState(bearing, load, speed, value, error, "dynamic test, at shaft frequency")
 
 
 def _static(parameters: list[Parameter], name: str) -> tuple[float, float] | None:

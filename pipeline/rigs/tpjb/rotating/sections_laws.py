@@ -202,13 +202,12 @@ def _three(value: float) -> float | None:
 _M6 = "Quadratic terms and stiffnesses of the orbits are those of M6, whichever model is selected. "
 _POTENTIAL = "Has the film's force a potential"
 _OF_MODEL = {"Load dependence of stiffness": _M6, _POTENTIAL: _M6}
-_TITLES = {"T3 against T2": "Rotating load (T3) against dynamic test (T2)"}
 _HOW = "Each side with its own error; z is the difference over its standard error, correlation of both sides included; within 3 they agree. "
 _OF_UNIT = {"N/m": "stiffness", "N/m^2": "quadratic terms", "m": "static positions"}
 
 
 def of_consistency(findings: Findings) -> list[Figure | Table | Text]:
-    """Return the comparison with T2, the relations of load dependence, and the conservative check."""
+    """Return the comparison with the dynamic test, the relations of load dependence, and the conservative check."""
     table = findings.arrays.get("consistency")
     if table is None:
         return []
@@ -240,7 +239,7 @@ def of_consistency(findings: Findings) -> list[Figure | Table | Text]:
         tables.append(
             Table(
                 f"consistency_{number}",
-                f"{_TITLES.get(str(kind), kind)}, {_OF_UNIT.get(str(unit), unit)}",
+                f"{kind}, {_OF_UNIT.get(str(unit), unit)}",
                 f"{'Does the relation hold' if kind == _POTENTIAL else 'Do both sides agree'}? {answers.of_comparison(part)} "
                 f"{_OF_MODEL.get(str(kind).split(' (')[0], '') if unit != 'm' else ''}{_HOW if not tables else ''}{said}".strip(),
                 [

@@ -62,7 +62,7 @@ def summary(group: LoadGroup, settings: RotatingSettings) -> list[str]:
     limit = trusted.limit if trusted else None
     if limit is not None and limit.ratio is not None and limit.displacement is not None:
         parts.append(
-            f"linear up to rho = {limit.ratio:.3g} (THD {100 * settings.thd_nonlinear:g} %), |d| = "
+            f"linear up to rho* = {limit.ratio:.3g} (THD {100 * settings.thd_nonlinear:g} %), |d| = "
             f"{1e6 * limit.displacement:.3g} um{_clearance(group, limit.displacement)}"
         )
     highest = group.highest

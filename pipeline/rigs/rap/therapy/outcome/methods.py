@@ -50,8 +50,8 @@ def _temperature(findings: Findings) -> str:
 def _volume(_findings: Findings) -> str:
     return (
         "Ultrafiltrate: the ultrasonic distance became a height at the tank's centroid with the tilt from low-passed accelerometers and the speed of "
-        "sound at the air's temperature (eq. 8); levels outside of the geometry's validity, below the blind level, at more than 12 deg or without "
-        "echo were left out. A Kalman filter (Kalman 1960) carries volume and pump gain from the pump's command and takes the levels (eq. 9); an "
+        "sound at the air's temperature (own eq. (8)); levels outside of the geometry's validity, below the blind level, at more than 12 deg or without "
+        "echo were left out. A Kalman filter (Kalman 1960) carries volume and pump gain from the pump's command and takes the levels (eq. (9)); an "
         "innovation beyond 3 standard deviations is passed over, 60 in a row inflate the covariance. Drains close a segment and volumes add up. A "
         "smoother fills in the blind start. Mass became volume by the fluid's density and the tare; the scale's clock was set to the device's by "
         "what both see, and the error counts from the first echo. Level offset and first volume, area and pump gain trade one to one: only the "
@@ -77,7 +77,7 @@ def _battery(findings: Findings) -> str:
 def _alarms(findings: Findings) -> str:
     high, low = _setting(findings, "alarm_high", 1.6), _setting(findings, "alarm_low", 0.5)
     return (
-        "Alarms: states and alarms were re-derived from pressures, flags, set-points and events by the state machine of the rig's sheet, for the paper's "
+        "Alarms: states and alarms were re-derived from pressures, flags, set-points and events by a state machine of rigfit's own, for the paper's "
         "thresholds are not in its text. Resistances of access, filter, return and membrane on 1 s means, zeroed and over their baselines, raise an "
         f"alarm above {high:g} or below {low:g} for {_setting(findings, 'alarm_hold', 1.0):g} s, not within "
         f"{_setting(findings, 'alarm_blanking', 3.0):g} s of a pump start; blood that stands for more than "

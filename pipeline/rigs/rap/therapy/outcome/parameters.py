@@ -19,11 +19,11 @@ _FITTED = ("temperature_initial", "temperature_final", "time_constant")
 # A volume known to no better than that share of the tank is not known.
 _VAGUE = 0.1
 _METHODS = {
-    **dict.fromkeys(_FITTED, "least squares of eq. 7 to one sensor"),
+    **dict.fromkeys(_FITTED, "least squares of eq. (7) to one sensor"),
     "temperature_error_max": "device less bench at the device's samples",
-    "uf_volume_error_rms": "Kalman filter of eq. 9 against the scale",
-    "uf_volume_final": "Kalman filter of eq. 9",
-    "uf_pump_gain": "Kalman filter and smoother of eq. 9",
+    "uf_volume_error_rms": "Kalman filter of eq. (9) against the scale",
+    "uf_volume_final": "Kalman filter of eq. (9)",
+    "uf_pump_gain": "Kalman filter and smoother of eq. (9)",
     "k_uf_initial": "K_0/(1 + a t/5 h) to 60 s means, block bootstrap",
     "k_uf_decline": "K_0/(1 + a t/5 h) to 60 s means, block bootstrap",
     "energy_used": "voltage times current, integrated",

@@ -104,6 +104,6 @@ def _numbers(findings: Findings) -> Table:
                 rows.append([run, word, *(Value(one.value, one.std_error, one.ci95) if one and one.value is not None else None
                                           for one in found)])  # fmt: skip
     return Table(
-        "temperatures", "Exponential of each sensor", "T(t) = T∞ + (T₀ - T∞) exp(-t/τ), eq. 7. An empty cell is not determined.",
+        "temperatures", "Exponential of each sensor", "T(t) = T∞ + (T₀ - T∞) exp(-t/τ), eq. (7). An empty cell is not determined.",
         [Column("Run"), Column("Sensor"), Column("T₀", "degC"), Column("T∞", "degC"), Column("τ", "min")], rows,
     )  # fmt: skip
