@@ -7,9 +7,11 @@ import pytest
 from hold_logs import captions, hold, said, without
 
 from pipeline.findings import Findings
+from pipeline.findings.figures import Figure, Line, Points
+from pipeline.report.palette import style
 from pipeline.rigs.mre.hold.analysis import analyse
 from pipeline.rigs.mre.hold.blank import pole_pull
-from pipeline.rigs.mre.hold.declaration import HoldSettings
+from pipeline.rigs.mre.hold.declaration import HOLD, HoldSettings
 from pipeline.rigs.mre.hold.identify import usable
 from pipeline.rigs.mre.hold.law import saturation
 from pipeline.rigs.mre.hold.synthetic import HoldTruth, synthesize
@@ -58,6 +60,15 @@ def test_the_s_law_wins_by_aicc_over_hinge_tanh_and_fk(findings: Findings) -> No
     assert min(aicc, key=lambda name: aicc[name] or 0.0) == "S law"
     assert (aicc["hinge"] or 0) < (aicc["tanh"] or 0) < (aicc["FK"] or 0) < (aicc["straight line"] or 0)
     assert [model.name for model in findings.models if model.selected] == ["S law"]
+
+
+def test_no_sweep_has_the_colour_of_the_law(findings: Findings) -> None:
+    blocks = [b for chapter in HOLD.sections(findings) for b in chapter.blocks if isinstance(b, Figure)]
+    for figure in (b for b in blocks if b.name in ("law", "time", "flux")):
+        points = {m.role for panel in figure.panels for m in panel.marks if isinstance(m, Points)}
+        lines = {m.role for panel in figure.panels for m in panel.marks if isinstance(m, Line) and m.role == "model"}
+        assert not {style(role).light for role in points} & {style(role).light for role in lines}
+        assert len(points) == 2
 
 
 def test_captions_answer_with_the_numbers_of_the_campaign(findings: Findings) -> None:

@@ -41,7 +41,7 @@ class HoldSettings(Settings):
     )
     remanence_limit: float = Field(5e-3, gt=0, description="T, flux density left at 0 A that is warned of")
     heating_limit: float = Field(15.0, gt=0, description="K, heating of the coil that is warned of")
-    gap_limit: float = Field(1.2e-5, gt=0, description="m, motion of the gap that is warned of")
+    gap_limit: float = Field(1.2e-5, gt=0, description="m, motion of the gap that is warned of; 1.2e-5 is 12 µm")
 
 
 CHANNELS = (

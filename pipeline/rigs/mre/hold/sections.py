@@ -27,7 +27,8 @@ from pipeline.rigs.mre.hold import captions
 from pipeline.rigs.mre.micromechanics.sections import sections as micromechanics
 
 CURRENT, FORCE, TIME = Axis("coil current", "A"), Axis("axial force", "N"), Axis("time", "s")
-_WAYS = ((1, "current rising"), (-1, "current falling"))
+# Direction, label and colour of a sweep; the second colour of a series is that of the model.
+_WAYS = ((1, "current rising", 0), (-1, "current falling", 2))
 _RUNS = 6
 _APART = 0.08  # A between the sweeps in a panel of residuals
 
@@ -64,17 +65,17 @@ def _law_figure(
         Line(curve["current"].to_numpy(), curve["increment"].to_numpy(), "model", "law"),
     ]
     rest: list[Mark] = [Rule(y=0.0)]
-    for number, (sign, label) in enumerate(_WAYS):
+    for sign, label, colour in _WAYS:
         part = own[own["direction"] == sign]
         if len(part):
             x, y, half = (part[c].to_numpy() for c in ("current", "increment", "increment_half"))
-            marks.append(Points(x, y, number, label, y - half, y + half))
+            marks.append(Points(x, y, colour, label, y - half, y + half))
             off = (part["high"] - part["low"]).to_numpy() / 2
             rest.append(
                 Points(
-                    x + _APART * number,
+                    x + _APART * (sign < 0),
                     part["residual"].to_numpy(),
-                    number,
+                    colour,
                     label,
                     part["residual"].to_numpy() - off,
                     part["residual"].to_numpy() + off,
@@ -125,7 +126,7 @@ def _time_figure(findings: Findings, run: str, own: pd.DataFrame, name: str) -> 
                             n,
                             label,
                         )
-                        for n, (s, label) in enumerate(_WAYS)
+                        for s, label, n in _WAYS
                         if (own["direction"] == s).any()
                     ),
                 ],
@@ -143,7 +144,7 @@ def _increment_table(findings: Findings, run: str, own: pd.DataFrame, name: str)
     for p in captions.of_run(findings, "force_increment", run):
         current = float(p.at["coil_current"])
         cells: list[float | Value | None] = [current, Value(p.value, p.std_error, p.ci95)]
-        for sign, _ in _WAYS:
+        for sign, *_ in _WAYS:
             near = own[(own["direction"] == sign) & ((own["current"] - current).abs() < 0.03)]
             cells.append(float(near["force"].mean()) if len(near) else None)
         rows.append(cells)
@@ -177,15 +178,15 @@ def _field(findings: Findings) -> list[Figure | Table | Text]:
 def _field_figure(findings: Findings, run: str, own: pd.DataFrame, lines: pd.DataFrame, several: bool) -> Figure:
     marks: list[Mark] = []
     rest: list[Mark] = [Rule(y=0.0)]
-    for number, (sign, label) in enumerate(_WAYS):
+    for sign, label, colour in _WAYS:
         part, line = own[own["direction"] == sign], lines[lines["direction"] == sign]
         if len(part):
             x, y = part["current"].to_numpy(), part["flux_density"].to_numpy()
-            marks.append(Line(line["current"].to_numpy(), line["flux_density"].to_numpy(), number))
-            marks.append(Points(x, y, number, label, part["low"].to_numpy(), part["high"].to_numpy()))
+            marks.append(Line(line["current"].to_numpy(), line["flux_density"].to_numpy(), colour))
+            marks.append(Points(x, y, colour, label, part["low"].to_numpy(), part["high"].to_numpy()))
             half = (part["high"] - part["low"]).to_numpy() / 2
             left = part["residual"].to_numpy()
-            rest.append(Points(x + _APART * number, left, number, label, left - half, left + half))
+            rest.append(Points(x + _APART * (sign < 0), left, colour, label, left - half, left + half))
     return Figure(
         f"flux{f'_{run}' if several else ''}",
         f"Flux density{f' of run {run}' if several else ''}",
@@ -207,9 +208,9 @@ def _pull_figure(findings: Findings) -> Figure:
         marks.append(
             Line(bound["current"].to_numpy(), bound["pull"].to_numpy(), "reference", "B² A/(2 μ_0)", dashed=True)
         )
-    for number, (kind, own) in enumerate(blank.groupby("kind", sort=False)):
+    for (_, _, colour), (kind, own) in zip(_WAYS, blank.groupby("kind", sort=False), strict=False):
         y, half = own["pull"].to_numpy(), own["half"].to_numpy()
-        marks.append(Points(own["current"].to_numpy(), y, number, str(kind), y - half, y + half))
+        marks.append(Points(own["current"].to_numpy(), y, colour, str(kind), y - half, y + half))
     rise = None
     if "curves" in findings.arrays:
         state = findings.arrays["state"].iloc[0]
