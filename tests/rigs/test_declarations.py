@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -28,6 +29,13 @@ def test_names_are_declared_once_and_units_are_known(experiment: Experiment) -> 
         assert all(spec.description for spec in specs)
         assert all(is_unit(spec.unit) for spec in specs if spec.unit)
     assert experiment.references
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda e: e.id)
+def test_a_source_is_a_place_in_the_paper_or_says_that_it_is_none(experiment: Experiment) -> None:
+    place = re.compile(r"\beqs?\b|\bFigs?\b|section|Table|\b[Oo]wn\b|in the paper|F = K x|[A-Z]\w+ \d{4}")
+    sources = [spec.source for spec in (*experiment.parameters, *experiment.equations) if spec.source]
+    assert [source for source in sources if not place.search(source)] == []
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda e: e.id)
