@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from pipeline.errors import listing
 from pipeline.rigs.in_words import known
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipeline.findings import Findings
+    from pipeline.findings import Findings, Parameter
 
 _EFFECTS = {"mr_effect_amplitude": "equal amplitude", "mr_effect_force": "equal force"}
 LOOPS = {"stiffness_secant": ("K_sec", 1e3, "kN/m"), "loss_factor": ("loss factors", 1.0, "")}
@@ -34,6 +35,13 @@ def followed(runs: pd.DataFrame) -> str:
     half = float(known["nrmse"].median())
     most = f"at most {_percent(worst['nrmse'])} (run {worst['run']})"
     return f"It misses {_percent(half)} of the force's rms in the middle run, {most}."
+
+
+def not_fitted(loops: pd.DataFrame) -> str:
+    """Name the runs that are drawn without the model because the fit leaves them out; '' where there are none, or no model."""
+    known = loops["model"].notna().groupby(loops["run"], sort=False).any()
+    left = [str(run) for run in known.index[~known]]
+    return f" Not in the fit, so drawn with their own harmonics: {listing(left, 6)}." if left and known.any() else ""
 
 
 def missed(loops: pd.DataFrame) -> str:
@@ -70,6 +78,19 @@ def between(runs: pd.DataFrame, names: Mapping[str, tuple[str, float, str]]) -> 
         least, most = (_three(row[name] / size) for row in (low, high))
         told.append(f"{symbol} between {least} ({low['run']}) and {most}{unit and f' {unit}'} ({high['run']})")
     return f"{' and '.join(told)}."
+
+
+def added(found: Sequence[Parameter], symbol: str, size: float, unit: str) -> str:
+    """Say what the largest current adds, from a parameter in the order of the current."""
+    return f"{symbol} = {known(found[-1], size, unit)} at {float(found[-1].at['coil_current']):g} A"
+
+
+def off_the_model(agreement: pd.DataFrame) -> str:
+    """Say how far the loop metrics are off the model's, and how many intervals hold it."""
+    off = (agreement["ratio"] - 1).abs()
+    holds = int(((agreement["low"] <= 1) & (agreement["high"] >= 1)).sum())
+    told = f"{holds} of {len(agreement)} intervals (95 %) hold the model's number"
+    return f"{told}; the largest difference is {_percent(float(off.max()))} (run {agreement['run'].iloc[int(off.argmax())]})."
 
 
 def gained(findings: Findings) -> str:

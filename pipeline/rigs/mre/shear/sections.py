@@ -118,7 +118,7 @@ def _loops(findings: Findings) -> list[Figure]:
         Figure(
             "loops",
             "Loops",
-            f"Does the model follow the loops? {captions.followed(every_run)} Samples, and the loop of the fitted model, of {number}. "
+            f"Does the model follow the loops? {captions.followed(every_run)} Samples, and the loop of the fitted model, of {number}.{captions.not_fitted(loops)} "
             "A loop that looks right proves little: see the residuals.",
             "force over displacement, samples and model, one panel a run",
             panels,

@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Column, Figure, Line, Mark, Panel, Points, Table, Value
-from pipeline.rigs.mre.shear.captions import gained, level_text
+from pipeline.rigs.mre.shear.captions import added, gained, level_text
 
 
 def of_field(findings: Findings) -> list[Figure | Table]:
@@ -15,10 +15,15 @@ def of_field(findings: Findings) -> list[Figure | Table]:
     blocks: list[Figure | Table] = []
     panels = []
     laws = findings.arrays.get("field_laws")
+    numbers: list[str] = []
     answers: list[str] = []
-    for name, y in (("k_mr", Axis("k_MR", "N/m")), ("s_mr", Axis("s_MR", "N s/m"))):
+    for name, y, size, unit in (
+        ("k_mr", Axis("k_MR", "N/m"), 1e3, "kN/m"),
+        ("s_mr", Axis("s_MR", "N s/m"), 1.0, "N s/m"),
+    ):
         found = [p for p in findings.parameters if p.name == name and p.value is not None and "coil_current" in p.at]
         if found:
+            numbers.append(added(found, y.label, size, unit))
             at = np.array([float(p.at["coil_current"]) for p in found])
             value = np.array([p.value for p in found], dtype=float)
             low, high = np.array([p.ci95 or (np.nan, np.nan) for p in found], dtype=float).T
@@ -38,7 +43,7 @@ def of_field(findings: Findings) -> list[Figure | Table]:
                 "Stiffness and damping added by the field",
                 " ".join(
                     [
-                        "What does the field add? Identified k_MR and s_MR with 95 % intervals; zero at 0 A by definition.",
+                        f"What does the field add? {', '.join(numbers)}; zero at 0 A by definition.",
                         *(f"{answer}." for answer in answers),
                     ]
                 ),
@@ -82,8 +87,8 @@ def _preload_table(findings: Findings, states: pd.DataFrame) -> Table:
             Column("amplitude", "m"),
             Column("K_sec", "N/m"),
             Column("K_sec at equal amplitude", "N/m"),
-            Column("increment, equal force", "1"),
-            Column("increment, equal amplitude", "1"),
+            Column("increment, equal force", "%"),
+            Column("increment, equal amplitude", "%"),
         ],
         rows,
     )

@@ -7,9 +7,10 @@ import numpy as np
 from pipeline.findings import Findings
 from pipeline.findings.figures import Axis, Column, Figure, Mark, Matrix, Panel, Points, Rule, Table
 from pipeline.rigs.in_words import chance, found_by_tests
-from pipeline.rigs.mre.shear.captions import stands_out
+from pipeline.rigs.mre.shear.captions import off_the_model, stands_out
 from pipeline.rigs.mre.shear.sections_many import is_many, residual_quantiles
 
+_NO_GAIN = 1e-9
 METRICS = {
     "stiffness_secant": "secant stiffness",
     "stiffness_storage": "storage stiffness K'",
@@ -38,25 +39,21 @@ def _agreement(findings: Findings) -> list[Figure]:
     if table is None:
         return []
     panels = []
-    worst = 0.0
     for name, label in METRICS.items():
         part = table[table["metric"] == name]
         order = np.arange(1, len(part) + 1, dtype=float)
         off, low, high = (part[column].to_numpy(float) for column in ("ratio", "low", "high"))
-        worst = max(worst, float(np.abs(off - 1).max()))
         marks: list[Mark] = [
-            Points(order, off - 1, "measured", "measured less model", low - 1, high - 1),
+            Points(order, off - 1, "measured", "", low - 1, high - 1),
             Rule(y=0.0),
         ]
-        panels.append(
-            Panel(marks, Axis("run, in the order of the table", whole=True), Axis("off the model", "%"), label)
-        )
+        panels.append(Panel(marks, Axis("number of the run", whole=True), Axis("measured less model", "%"), label))
     return [
         Figure(
             "agreement",
             "Loop metrics against the model",
-            "Do the numbers of each loop agree with the model at that run's own frequency and amplitude? Measured less "
-            f"model, in per cent, with the measured 95 % intervals; the largest difference is {100 * worst:.2g} %.",
+            "Do the numbers of each loop agree with the model at that run's own frequency and amplitude? "
+            f"{off_the_model(table)} Runs are numbered as in the table 'Fit of each run'.",
             "difference of secant and storage stiffness, damping and loss factor from the model, one point a run",
             panels,
             columns=2,
@@ -143,7 +140,8 @@ def _residuals(findings: Findings) -> list[Figure]:
         Figure(
             "residual_harmonics",
             "Residual by harmonic",
-            f"Is the residual no more than noise? {100 * share:.0f} % lie within 1.96 standard deviations, 95 % would for pure noise. Misfit of every harmonic of "
+            f"Is the residual no more than noise? {100 * share:.0f} % lie within 1.96 standard deviations, 95 % would for pure noise; the "
+            f"largest is {np.abs(table[['real', 'imaginary']].to_numpy()).max():.1f}. Misfit of every harmonic of "
             "every run over its standard deviation, run scatter not taken out.",
             "normalised residual over the order of the harmonic",
             [Panel(marks, Axis("order of the harmonic", whole=True), Axis("residual over its standard deviation"))],
@@ -157,22 +155,22 @@ def _runs(findings: Findings) -> list[Table]:
         return []
     used = table[table["chi2_reduced"].notna()].head(200)
     columns = [
+        Column("number", "1"),
         Column("run"),
         Column("misfit of the force", "%"),
         Column("chi2 per datum"),
-        Column("gain against the model", "%"),
     ]
+    gains = used["gain"].abs().max() > _NO_GAIN
+    if gains:
+        columns.append(Column("gain against the model", "%"))
     predicted = "prediction_nrmse" in used and used["prediction_nrmse"].notna().any()
     if predicted:
         columns.append(Column("misfit when predicted by the others", "%"))
     rows = []
-    for row in used.to_dict("records"):
-        cells: list[str | float | None] = [
-            row["run"],
-            _three(row["nrmse"]),
-            f"{row['chi2_reduced']:.3g}",
-            _three(row["gain"]),
-        ]
+    for number, row in enumerate(used.to_dict("records"), 1):
+        cells: list[str | float | None] = [number, row["run"], _three(row["nrmse"]), f"{row['chi2_reduced']:.3g}"]
+        if gains:
+            cells.append(_three(row["gain"]))
         if predicted:
             cells.append(_three(row["prediction_nrmse"]))
         rows.append(cells)
@@ -180,8 +178,12 @@ def _runs(findings: Findings) -> list[Table]:
         Table(
             "fit_by_run",
             "Fit of each run",
-            f"Does one run stand out? {stands_out(used)} It is without run scatter, near 1 where noise explains the misfit. A gain far off the "
-            "others' names a run to be checked.",
+            f"Does one run stand out? {stands_out(used)} It is without run scatter, near 1 where noise explains the misfit."
+            + (
+                " A gain far off the others' names a run to be checked."
+                if gains
+                else " The data ask for no gain of any run."
+            ),
             columns,
             rows,
         )
