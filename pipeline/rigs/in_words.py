@@ -9,23 +9,24 @@ from pipeline.errors import counted
 from pipeline.findings import Parameter
 
 _RARE = 1e-4
+_NO_BREAK = "\u00a0"
 _SIGNIFICANT = 0.01
 
 
 def chance(p_value: float) -> str:
-    """Return a probability in per cent; one below 1 in 10 000 as that, nothing where there is none.
+    r"""Return a probability in per cent; one below 1 in 10 000 as that, nothing where there is none.
 
     Examples
     --------
     >>> chance(0.0123)
     '1.2 %'
     >>> chance(1.2e-05)
-    'less than 1 in 10 000'
+    'less than 1 in 10\xa0000'
     """
     if math.isnan(p_value):
         return ""
     if p_value < _RARE:
-        return "less than 1 in 10 000"
+        return f"less than 1 in 10{_NO_BREAK}000"
     return f"{100.0 * p_value:.2g} %" if p_value < 0.99 else "more than 99 %"
 
 

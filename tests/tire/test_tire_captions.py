@@ -15,7 +15,7 @@ from pipeline.rigs.tire.road import captions as road
 
 def test_chances_and_misfits_have_no_powers_of_ten() -> None:
     assert [chance(p) for p in (1.2e-5, 1e-3, 0.98, 0.999, math.nan)] == [
-        "less than 1 in 10 000", "0.1 %", "98 %", "more than 99 %", "",
+        "less than 1 in 10\u00a0000", "0.1 %", "98 %", "more than 99 %", "",
     ]  # fmt: skip
     assert times_noise(1e6) == "1000 times the noise"
     length = Parameter(name="L", symbol="L", value=0.31711, std_error=2e-5, ci95=(0.31707, 0.31714), unit="m")

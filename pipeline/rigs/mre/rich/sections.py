@@ -31,6 +31,7 @@ from pipeline.rigs.mre.shear.captions import level_text
 
 DISPLACEMENT, FORCE, TIME = Axis("displacement", "m"), Axis("force", "N"), Axis("time", "s")
 _SHOWN = 6
+_NO_BREAK = "\u00a0"
 _LEFT: tuple[tuple[Role, str, str], ...] = (
     ("residual", "batch", "residual, batch fit"),
     ("model", "online filter", "innovations, online filter"),
@@ -211,7 +212,10 @@ def _agreement(findings: Findings) -> list[Table]:
         part = table[table["name"] == name].set_index("run")
         common, half = (float(part[column].iloc[0]) for column in ("common", "common_sd"))
         off = [
-            f"{100 * (part.loc[run, 'own'] / common - 1):+.2f} % ({part.loc[run, 'deviation']:+.1f} sd)" for run in runs
+            f"{100 * (part.loc[run, 'own'] / common - 1):+.2f} % ({part.loc[run, 'deviation']:+.1f} sd)".replace(
+                " ", _NO_BREAK
+            )
+            for run in runs
         ]
         rows.append([*told(str(name), common, common - 1.96 * half, common + 1.96 * half), *off])
     return [

@@ -80,7 +80,7 @@ def _loops(findings: Findings, count: int) -> str:
         f"{_runs_hold(count)} steady cycles. The fundamental frequency was fitted to the displacement, and harmonics 1 to 5 of "
         "the displacement and 1 to 15 of the force were regressed at the recorded time stamps, together with a slow "
         f"drift.{spared} Secant stiffness is the ratio of the half peak-to-peak values of the fitted curves, storage "
-        "stiffness and loss factor come from the first harmonics, and damping is the loop area over pi omega X^2 "
+        "stiffness and loss factor come from the first harmonics, and damping is the loop area over π ω X^2 "
         "(Brancati et al. 2019). Standard errors come from the level of the residual around each harmonic."
     )
 
