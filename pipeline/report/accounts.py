@@ -8,7 +8,7 @@ from pathlib import PurePosixPath
 
 from markupsafe import Markup
 
-from pipeline.errors import listing
+from pipeline.errors import counted, listing
 from pipeline.findings import Findings, Published, Quality, Run
 from pipeline.findings.figures import Cell, Column, Mood, Status, Table
 from pipeline.report.gathered import MOST_TOLD, gathered, runs_cell
@@ -102,7 +102,8 @@ def quality_table(quality: Sequence[Quality], runs: Sequence[Run]) -> TableView:
             [Status(q.level, kinds[q.level]), q.run or "all", q.channel or NOTHING, _span(q.span), q.message]
             for q in ordered
         ]
-        return table_view(Table("quality", "Findings on the data", "", columns, rows))
+        counts = listing(counted(number, level) for level, number in quality_counts(quality).items() if number)
+        return table_view(Table("quality", "Findings on the data", f"What was noticed? {counts}.", columns, rows))
     names = {run.run for run in runs}
     rows = []
     for one in gathered([q.message for q in ordered], names, [(q.level, q.channel) for q in ordered]):

@@ -116,7 +116,7 @@ def key_table(findings: Findings, experiment: Experiment) -> TableView:
             about = _meaning(parameter, experiment)
             what = Shown(symbol_of(parameter) + (f" at {place}" if place else ""), about)
             rows.append(_Row(what, _reading(parameter, unit), unit.name, _parts(parameter, unit)))
-    return _list_view("key", "The numbers that matter", rows)
+    return _list_view("key", "Key parameters", rows)
 
 
 def parameter_tables(findings: Findings, experiment: Experiment) -> list[TableView]:

@@ -119,7 +119,7 @@ def _introduction(findings: Findings, compound: Compound, flux: Flux | None) -> 
         said.append(f"The flux density at the coil currents is {flux.source}.")
     said.append(
         "The theory is one of shear across the chains. For strain along the chain the same dipoles have a negative second derivative of the energy (they "
-        "soften in compression), so that E = 2 (G + G_m)(1 + nu) is an engineering assumption, and axial increments are shown under it."
+        "soften in compression), so that E = 2 (G + G_m)(1 + ν) is an engineering assumption, and axial increments are shown under it."
     )
     return said
 
