@@ -80,8 +80,9 @@ def test_captions_answer_from_the_findings_and_say_what_is_lacking() -> None:
     moved = first.assign(batch=first["batch"].where(first["name"] != "k2", 1.0), difference=2.0)
     assert captions.agree(moved) == "8 of 9 within the 95 % that the filter claims; not k2 (+200.0 %)."
     k2 = [both().one("k2", coil_current=level) for level in (0.0, 6.0)]
-    assert captions.added(k2, None).startswith("From 0 to 6 A 226.")
-    assert captions.added(k2[:1] * 2, None) == "Not told: the records are all at one current."
+    assert captions.added(k2, None, "ok").startswith("From 0 to 6 A 226.")
+    assert captions.added(k2, None, "rejected") == "Not told: the model does not hold."
+    assert captions.added(k2[:1] * 2, None, "ok") == "Not told: the records are all at one current."
 
 
 def test_records_agree_in_what_the_paper_takes_for_common() -> None:

@@ -122,10 +122,12 @@ def agree(ends: pd.DataFrame) -> str:
     return f"{len(both) - len(out)} of {len(both)} within the 95 % that the filter claims; not {names}."
 
 
-def added(k2: Sequence[Parameter], s_mr: Parameter | None) -> str:
+def added(k2: Sequence[Parameter], s_mr: Parameter | None, verdict: str) -> str:
     """Say what the field adds from the least to the largest current, with k2 in the order of the current."""
     base, top = k2[0], k2[-1]
     least, most = (float(p.at["coil_current"]) for p in (base, top))
+    if verdict == "rejected":
+        return "Not told: the model does not hold."
     if not most > least:
         return "Not told: the records are all at one current."
     gain = (top.value or 0.0) - (base.value or 0.0)

@@ -193,7 +193,7 @@ def _field(findings: Findings) -> list[Table]:
         Table(
             "field",
             "What the field adds",
-            f"What does the field add? {captions.added(found, damping.get(str(found[-1].at)))} k2 of each record holds k_MR, which is what it gains. "
+            f"What does the field add? {captions.added(found, damping.get(str(found[-1].at)), findings.verdict)} k2 of each record holds k_MR, which is what it gains. "
             "s_MR is fitted where there is a field.",
             [Column("current"), Column("k2 with the field", "N/m"), Column("gain", "N/m"), Column("s_MR", "N s/m")],
             rows,
@@ -242,6 +242,8 @@ def _correlation(findings: Findings, titles: dict[str, str]) -> list[Figure]:
         worst = max(worst, float(part["condition"].iloc[0]))
         panels.append(Panel([Matrix(part[names].to_numpy(float), names, names)], title=title))
     said = "above 500: only combinations are known" if worst > 500 else "below 500: the parameters can be told apart"
+    if worst <= 500 and findings.verdict == "rejected":
+        said = "of a model that does not hold, which tells nothing of the device"
     return [
         Figure(
             "correlation",

@@ -182,7 +182,7 @@ def _runs(findings: Findings) -> list[Table]:
             + (
                 " A gain far off the others' names a run to be checked."
                 if gains
-                else " The data ask for no gain of any run."
+                else " No run has a gain of its own in the fit."
             ),
             columns,
             rows,
