@@ -171,9 +171,7 @@ def test_captions_answer_from_the_tables_and_say_nothing_where_nothing_is_known(
     assert captions.not_fitted(loops.assign(model=[1.0, 2.0, np.nan])).endswith("own harmonics: b.")
     assert captions.not_fitted(loops.assign(model=np.nan)) == ""
     off = pd.DataFrame({"run": ["a", "b"], "ratio": [1.01, 0.97], "low": [0.99, 0.96], "high": [1.03, 0.98]})
-    assert captions.off_the_model(off) == (
-        "1 of 2 intervals (95 %) hold the model's number; the largest difference is 3 % (run b)."
-    )
+    assert captions.off_the_model(off) == ("1 of 2 intervals (95 %) hold its number; the farthest is 3 % off (run b).")
     runs["chi2_reduced"] = [0.8, 1.2, 9.0]
     assert captions.stands_out(runs) == "Yes, c: chi2 per datum is 9, 1.2 in the middle run."
     assert captions.stands_out(runs[:2]) == "No: chi2 per datum is at most 1.2 (b), 1 in the middle run."

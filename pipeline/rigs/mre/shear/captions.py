@@ -89,8 +89,8 @@ def off_the_model(agreement: pd.DataFrame) -> str:
     """Say how far the loop metrics are off the model's, and how many intervals hold it."""
     off = (agreement["ratio"] - 1).abs()
     holds = int(((agreement["low"] <= 1) & (agreement["high"] >= 1)).sum())
-    told = f"{holds} of {len(agreement)} intervals (95 %) hold the model's number"
-    return f"{told}; the largest difference is {_percent(float(off.max()))} (run {agreement['run'].iloc[int(off.argmax())]})."
+    told = f"{holds} of {len(agreement)} intervals (95 %) hold its number"
+    return f"{told}; the farthest is {_percent(float(off.max()))} off (run {agreement['run'].iloc[int(off.argmax())]})."
 
 
 def gained(findings: Findings) -> str:

@@ -52,8 +52,7 @@ def _agreement(findings: Findings) -> list[Figure]:
         Figure(
             "agreement",
             "Loop metrics against the model",
-            "Do the numbers of each loop agree with the model at that run's own frequency and amplitude? "
-            f"{off_the_model(table)} Runs are numbered as in the table 'Fit of each run'.",
+            f"Do the loops agree with the model at their own frequency and amplitude? {off_the_model(table)} Runs are numbered as in 'Fit of each run'.",
             "difference of secant and storage stiffness, damping and loss factor from the model, one point a run",
             panels,
             columns=2,
