@@ -47,12 +47,16 @@ def _agreement(findings: Findings) -> list[Figure]:
             Points(order, off - 1, "measured", "", low - 1, high - 1),
             Rule(y=0.0),
         ]
-        panels.append(Panel(marks, Axis("number of the run", whole=True), Axis("measured less model", "%"), label))
+        panels.append(
+            Panel(
+                marks, Axis("run, its number in 'Fit of each run'", whole=True), Axis("measured less model", "%"), label
+            )
+        )
     return [
         Figure(
             "agreement",
             "Loop metrics against the model",
-            f"Do the loops agree with the model at their own frequency and amplitude? {off_the_model(table)} Runs are numbered as in 'Fit of each run'.",
+            f"Do the loops agree with the model at their own frequency and amplitude? {off_the_model(table)}",
             "difference of secant and storage stiffness, damping and loss factor from the model, one point a run",
             panels,
             columns=2,
