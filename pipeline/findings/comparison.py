@@ -276,7 +276,7 @@ def _provenance(findings: Findings) -> dict[str, Any]:
 def _entries(what: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Difference]:
     names = [*before, *(name for name in after if name not in before)]
     return [
-        Difference(f"{what} {name}".strip().replace("_", " "), _told(before, name), _told(after, name))
+        Difference(f"{what} {name}" if what else name.replace("_", " "), _told(before, name), _told(after, name))
         for name in names
         if before.get(name) != after.get(name) or (name in before) != (name in after)
     ]

@@ -111,14 +111,14 @@ def test_a_finding_on_the_data_that_only_has_other_numbers_neither_came_nor_went
 def test_what_may_have_caused_it_is_told() -> None:
     def of(setting: float, numpy: str, model: str, agrees: bool) -> Findings:
         return findings(
-            settings={"starts": setting}, provenance={"rigfit": "1", "libraries": {"numpy": numpy}},
+            settings={"most_starts": setting}, provenance={"rigfit": "1", "libraries": {"numpy": numpy}},
             models=[ModelResult(name=model, selected=True, n_parameters=1, n_data=2)],
             published=[Published(name="k", published=1.0, found=1.0, agrees=agrees)],
         )  # fmt: skip
 
     found = compare(of(6, "2.0", "Maxwell", True), of(7, "2.1", "Zener", False))
     assert {(cause.what, cause.before, cause.after) for cause in found.causes} == {
-        ("setting starts", "6", "7"), ("version of numpy", "2.0", "2.1"), ("model of the data", "Maxwell", "Zener"),
+        ("setting most_starts", "6", "7"), ("version of numpy", "2.0", "2.1"), ("model of the data", "Maxwell", "Zener"),
     }  # fmt: skip
     assert [new.agrees for _, new in found.claims] == [False]
 
