@@ -37,7 +37,8 @@ def add_loop(usable: UsableRun, settings: ShearSettings, runs: SortedRuns) -> No
     if clipped is not None:
         level, share = clipped
         raise UnfitError(
-            f"the displacement is clipped: {100 * share:.1f} % of its samples are flat at {level:.5g} m", "displacement"
+            f"the displacement is clipped: {100 * share:.1f} % of its samples are flat at {1e3 * level:.5g} mm",
+            "displacement",
         )
     series = usable.series.between(*usable.excitation.steady).measured()
     frequency = usable.excitation.frequency

@@ -19,7 +19,7 @@ LAG = Range(-0.1, 0.1)
 class StepSettings(Settings):
     """What a recipe of `mre.step` may set."""
 
-    gap_limit: float = Field(1.2e-5, gt=0, description="m, motion of the gap that is warned of")
+    gap_limit: float = Field(1.2e-5, gt=0, description="m, motion of the gap that is warned of; 1.2e-5 is 12 µm")
     settled: float = Field(
         5.0, gt=0, le=20, description="time constants that a level must be held for the end level to be seen"
     )
