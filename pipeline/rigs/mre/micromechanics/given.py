@@ -157,7 +157,7 @@ def _field_stiffness(findings: Findings) -> list[Increment]:
     correlation makes that an upper limit.
     """
     found = []
-    for what, small in (("large strain: k2", False), ("small strain: k2 + a_BW rho", True)):
+    for what, small in (("large strain: k_2", False), ("small strain: k_2 + a_BW ρ", True)):
         base = _static(findings, 0.0, small)
         if base is None:
             continue
