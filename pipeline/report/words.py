@@ -12,6 +12,7 @@ _TYPEWRITTEN = re.compile(
     r"\+-(?= ?\d)|(?<![^\s(±+])-(?=\d)|(?<=\d )u(?=(?:m|s|g|A|Ah|V|W|N)\b)|(?<=\d )degC\b|(?<=in )degC\b|\bchi2\b|(?<=[A-Za-z)])\^[23](?!\.?\d)"
 )
 _POWER_OF_TEN = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-])0*(\d+)(?!\w)")
+_WRITTEN_OUT = 5  # powers of ten up to it are written out
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -29,6 +30,8 @@ def typeset(text: str) -> str:
 
 
 def _power_of_ten(found: re.Match[str]) -> str:
+    if found[2] == "+" and int(found[3]) <= _WRITTEN_OUT:
+        return f"{float(found[0]):.0f}"
     exponent = found[3].translate(_RAISED)
     return f"{found[1]}×10{'⁻' if found[2] == '-' else ''}{exponent}"
 

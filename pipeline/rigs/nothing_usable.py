@@ -32,7 +32,8 @@ def nothing_usable(left_out: Mapping[str, str], recordings: Sequence[Recording],
     others = [name for reason, names in list(by_reason.items())[_REASONS_TOLD:] for name in names]
     if others:
         parts.append(f"{counted(len(others), f'more {run}')} for reasons of their own: {listing(others, _RUNS_TOLD)}")
-    return f"no {run} can be used; {'; '.join(parts)}."
+    told_all = "; ".join(parts)
+    return f"no {run} can be used; {told_all}{'' if told_all.endswith('?') else '.'}"
 
 
 def _named(names: Sequence[str], recordings: Sequence[Recording], run: str) -> str:

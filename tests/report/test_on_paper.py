@@ -76,6 +76,7 @@ def test_points_of_one_panel_are_named_in_one_place_and_a_title_is_not_repeated(
         ("59 us late at 20 degC", "59 µs late at 20 °C"),
         ("sh-2 of 2024-05-01, tells us the sum", "sh-2 of 2024-05-01, tells us the sum"),
         ("tpjb-rotating-4pad, 3e-05 rad/s", "tpjb-rotating-4pad, 3×10⁻⁵ rad/s"),
+        ("leaves 9.9e+02 N of 1.2e+05 N", "leaves 990 N of 120000 N"),
         ("chi2 of 2e+12 N/m^2 in 12e45", "χ² of 2×10¹² N/m² in 12e45"),
     ],
 )

@@ -29,7 +29,7 @@ def answered(findings: Findings, run: str) -> str:
     """Say after which time 63 % of the change is there in a run, by direction, and how many times slower one is."""
     times = {str(p.at["direction"]): p for p in findings.find("t63") if p.at.get("run", run) == run}
     told = {d: p for d, p in times.items() if p.value is not None}
-    said = [f"{known(p, 1e-3, 'ms')} in the {d}" for d, p in told.items()]
+    said = [f"{_time(p)} in the {d}" for d, p in told.items()]
     parts = [f"63 % of the change takes t_63 = {' and '.join(said)}."] if said else []
     parts += [_not_told("t_63", d, p) for d, p in times.items() if d not in told]
     if len(told) == 2:
@@ -46,7 +46,7 @@ def slowed(findings: Findings) -> str:
         own = [p for d, p in lags if d == direction]
         told = [p for p in own if p.value is not None]
         if len(told) == 1:
-            said.append(f"{known(told[0], 1e-3, 'ms')} in the {direction}")
+            said.append(f"{_time(told[0])} in the {direction}")
         elif told:
             said.append(f"{span((1e3 * (p.value or 0.0) for p in told), 1, 'ms')} in the {direction}")
         elif own:
@@ -78,6 +78,10 @@ def _differs(findings: Findings, name: str) -> bool | None:
     one, other = told
     error = math.hypot(one.std_error or 0.0, other.std_error or 0.0)
     return abs((one.value or 0.0) - (other.value or 0.0)) > _ALIKE * error
+
+
+def _time(p: Parameter) -> str:
+    return known(p, 1e-3, "ms") if abs(p.value or 0.0) < 1.0 else known(p, 1.0, "s")
 
 
 def _not_told(symbol: str, direction: str, p: Parameter) -> str:
