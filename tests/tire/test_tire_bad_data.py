@@ -88,6 +88,7 @@ ROWS = {
     "10 speed in km/h in all runs": Row(_both_changed("road_speed", 3.6), "km/h", refused=True),
     "10 rotation for speed": Row(_both_changed("road_speed", 30.0 / np.pi / 0.3171), "wheel's rpm", refused=True),
     "11 load in kg": Row(beside("kg"), "load looks like kg", out="bad_kg"),
+    "11 load in N declared as kN": Row(_both_changed("vertical_load", 1e3), "no wheel carries that", refused=True),
     "12 cylinder's load, beam not tared": Row(beside("friction"), "tare the beam mass"),
     "13 pressure changed": Row(
         lambda: [*without_ring(logs()), *without_ring([variant("pressure")])], "another inflation pressure than stated"

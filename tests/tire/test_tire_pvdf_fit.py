@@ -64,6 +64,10 @@ def test_good_bonds_predict_the_film():
     assert {e.name for e in found.estimates.values() if e.determined} == set(NAMES)
 
 
+def test_one_run_tells_nothing_of_a_scatter_between_runs():
+    assert "from run to run" not in fit_film(_runs((10.0,)), **LENGTHS).statement
+
+
 def test_a_film_that_came_off_is_suspect_and_its_numbers_are_not_told():
     runs = _runs()
     theta = grid(1024)

@@ -15,6 +15,7 @@ from pipeline.rigs.tire.bench.reference import LOAD
 G0 = 9.80665
 _UNITS = {1.0 / G0: "kg", 1e-3: "kN", 1.0 / (1e3 * G0): "t", 0.2248089: "lbf", 0.1: "daN", 1e3: "mN"}
 _NEAR = 0.05
+_MOST_LOAD = 2e5  # N; the tire of an earth mover carries that
 # Further from the load as set than that is told; less than the second share apart is friction of the guides or a tare.
 _AS_SET, _MOST_TARE = 0.05, 0.5
 # What all loads are off by together is told from here on (relative to their mean); a gain needs loads that differ by that.
@@ -35,6 +36,13 @@ def load_faults(run: BenchRun) -> list[QualityFinding]:
             f"vertical_load is {load:.4g} N on the mean while the tire rolls under load: "
             + ("its sign is turned. Use 'sign: -1' in the recipe" if load < 0.0 else "the cell is dead or not connected")
         )  # fmt: skip
+        return [QualityFinding("error", text, run.name, LOAD)]
+    if load > _MOST_LOAD:
+        stated = f", where {told:.4g} N is set" if told else ""
+        text = (
+            f"vertical_load is {load:.4g} N on the mean{stated}: no wheel carries that. A reading in N was declared as kN, or the like: mend the unit of "
+            "vertical_load in the log or in the recipe"
+        )
         return [QualityFinding("error", text, run.name, LOAD)]
     if told is None or told <= 0.0:
         return _without_nominal(run, load)

@@ -205,7 +205,8 @@ def fit_film(
     )
     scatter = 0.0
     for _ in range(_PASSES):
-        scatter = _scatter(best, spread)
+        # One run tells nothing of what changes from run to run.
+        scatter = _scatter(best, spread) if len(spectra) > 1 else 0.0
         spread[2:] = scatter or _EXACT
         best = _searched(residual, best.x, spread, louder)
         louder = noise_of_orders(best.fun[:rows] * louder, len(spectra))
