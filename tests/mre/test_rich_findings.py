@@ -59,6 +59,20 @@ def test_the_batch_fit_is_reported_and_the_filter_stands_beside_it() -> None:
     assert {"k1", "k1_low", "k1_high", "time"} <= set(both().arrays["online"].columns)
 
 
+def test_the_cycles_drawn_are_whole_and_of_three_sizes() -> None:
+    for _, record in both().arrays["cycles"].groupby("run"):
+        spans = []
+        for _, cycle in record.groupby("cycle"):
+            x, steps = cycle["displacement"], np.diff(cycle["time"])
+            assert steps.max() == pytest.approx(steps.min()), "every sample of it"
+            assert min(abs(x.iloc[0] - end) for end in (x.min(), x.max())) < 0.1 * np.ptp(x), "from turn to turn"
+            assert abs(x.iloc[-1] - x.iloc[0]) < 0.25 * np.ptp(x), "and back"
+            spans.append(np.ptp(x) / 2)
+        # The record's amplitude swings from 0.1 to 0.6 mm.
+        assert len(spans) == 3
+        assert spans[0] < 0.2e-3 < spans[1] < 0.5e-3 < spans[2]
+
+
 def test_captions_answer_from_the_findings_and_say_what_is_lacking() -> None:
     arrays = {name: both().arrays[name] for name in ("records", "side_by_side", "online")}
     records, ends, online = arrays.values()

@@ -11,9 +11,13 @@ from pipeline.estimation.residuals import whiteness
 from pipeline.rigs.mre.rich.comparison import Comparison
 from pipeline.rigs.mre.rich.fits import RichFit
 from pipeline.rigs.mre.rich.online_verdict import ABSENT
+from pipeline.signals.cycles import turning_points
 
 _LOOP_ROWS, _STRETCH, _ONLINE_STEP = 8000, 2.0, 0.2
 _SPECTRUM_STEP = 0.5  # Hz
+# Of all cycles ordered by stroke, those that are drawn: a small, a middle and a large one.
+_DRAWN_CYCLES = (0.1, 0.5, 0.9)
+_LEAST_STROKE = 0.02  # of the record's span: less is noise
 TRACKED = ("k1", "s1", "tau", "k2", "alpha_bw", "rho", "c_bw", "n_bw")
 
 
@@ -22,6 +26,7 @@ def arrays_of(fits: Sequence[RichFit], agreement: Comparison | None, flux: pd.Da
     tables = {
         "records": pd.DataFrame([_record(fit) for fit in fits]),
         "loops": _joined(_loops(fit) for fit in fits),
+        "cycles": _joined(_cycles(fit) for fit in fits),
         "series": _joined(_stretch(fit) for fit in fits),
         "online": _joined(_online(fit) for fit in fits),
         "side_by_side": pd.DataFrame([row for fit in fits for row in _side_by_side(fit)]),
@@ -68,6 +73,25 @@ def _loops(fit: RichFit) -> pd.DataFrame:
     series = fit.batch.series[fit.run]
     step = max(series["time"].size // _LOOP_ROWS, 1)
     table = pd.DataFrame({name: values[::step] for name, values in series.items()})
+    table.insert(0, "run", fit.run)
+    return table
+
+
+def _cycles(fit: RichFit) -> pd.DataFrame:
+    """Return every sample of a few whole cycles, numbered from the smallest to the largest of them."""
+    series = fit.batch.series[fit.run]
+    x = series["displacement"]
+    turns = turning_points(x, _LEAST_STROKE * float(np.ptp(x)))[1:]  # the record's first sample is no turn
+    if turns.size < 3:
+        return pd.DataFrame()
+    strokes = np.abs(x[turns[1:-1]] - x[turns[:-2]]) + np.abs(x[turns[2:]] - x[turns[1:-1]])
+    order = np.argsort(strokes)
+    chosen = dict.fromkeys(int(order[round(share * (order.size - 1))]) for share in _DRAWN_CYCLES)
+    tables = []
+    for number, start in enumerate(chosen, 1):
+        samples = slice(turns[start], turns[start + 2] + 1)
+        tables.append(pd.DataFrame({"cycle": number} | {name: values[samples] for name, values in series.items()}))
+    table = _joined(tables)
     table.insert(0, "run", fit.run)
     return table
 

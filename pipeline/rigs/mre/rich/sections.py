@@ -14,6 +14,7 @@ from pipeline.findings.figures import (
     Column,
     Figure,
     Line,
+    Mark,
     Matrix,
     Panel,
     Points,
@@ -115,28 +116,36 @@ def _pair(row: dict[str, float], name: str, factor: float, digits: int) -> str:
 
 
 def _loops(findings: Findings, titles: dict[str, str]) -> list[Figure]:
-    table = findings.arrays["loops"]
+    table, cycles = findings.arrays["loops"], findings.arrays.get("cycles", pd.DataFrame({"run": []}))
     panels = []
     for run, title in titles.items():
         part = _of_run(table, run)
         x, F, model = (part[name].to_numpy() for name in ("displacement", "force", "model"))
-        panels.append(
-            Panel(
-                [Points(x, F, "measured", "measured"), Points(x, model, "model", "model")], DISPLACEMENT, FORCE, title
-            )
-        )
+        panels.append(Panel(_drawn_cycles(_of_run(cycles, run)), DISPLACEMENT, FORCE, title))
         panels.append(Panel([Points(x, F - model, "residual"), Rule(y=0.0)], DISPLACEMENT, FORCE, f"{title}: residual"))
     return [
         Figure(
             "loops",
             "Force over displacement",
-            f"Does the model follow loops of every size? {captions.followed(findings.arrays['records'], table)} Thinned samples of the whole record, the "
-            "model on top of them; beside it what is left, to its own scale.",
-            "force over displacement, measured and model, and the residual over displacement, one row a record",
+            f"Does the model follow loops of every size? {captions.followed(findings.arrays['records'], table)} "
+            "One small, one middle and one large cycle of the record, the model as a line over the samples; beside them what is "
+            "left of thinned samples of the whole record, to its own scale.",
+            "three loops of force over displacement, measured and model, and the residual over displacement, one row a record",
             panels,
             columns=2,
         )
     ]
+
+
+def _drawn_cycles(part: pd.DataFrame) -> list[Mark]:
+    """Return the samples of the cycles, and over them the model's line of each."""
+    if part.empty:
+        return []
+    marks: list[Mark] = [Points(part["displacement"].to_numpy(), part["force"].to_numpy(), "measured", "measured")]
+    for number, cycle in part.groupby("cycle"):
+        label = "model" if number == 1 else ""
+        marks.append(Line(cycle["displacement"].to_numpy(), cycle["model"].to_numpy(), "model", label))
+    return marks
 
 
 def _time(findings: Findings, titles: dict[str, str]) -> list[Figure]:
