@@ -72,7 +72,7 @@ CONDITIONS = (
     *SAMPLE,
     *MICROMECHANICS,
 )
-_OWN, _PAPER = "not in the paper", "as in the paper"
+_OWN, _LOOPS = "not in the paper", "section 5.2"
 PARAMETERS = (
     ParameterSpec("k1", "k_1", "N/m", "stiffness of the Maxwell branch", "eqs (10), (11)", key=True),
     ParameterSpec("s1", "s_1", "N s/m", "dashpot of the Maxwell branch", "eq. (11), corrected", key=True),
@@ -103,9 +103,9 @@ PARAMETERS = (
     ParameterSpec(
         "mr_effect_amplitude", r"\Delta K/K", "1", "stiffness increment at equal amplitude", _OWN, key=True, read_as="%"
     ),
-    ParameterSpec("stiffness_secant", r"F_{max}/x_{max}", "N/m", "secant stiffness of the fitted loop", _PAPER),
+    ParameterSpec("stiffness_secant", r"F_{max}/x_{max}", "N/m", "secant stiffness of the fitted loop", _LOOPS),
     ParameterSpec("stiffness_storage", "K'", "N/m", "in-phase stiffness, first harmonic", _OWN),
-    ParameterSpec("damping", r"\sigma", "N s/m", "equivalent viscous damping", _PAPER),
+    ParameterSpec("damping", r"\sigma", "N s/m", "equivalent viscous damping", _LOOPS),
     ParameterSpec("loss_factor", r"\eta", "1", "K''/K'", _OWN),
     ParameterSpec("shear_modulus_storage", "G'", "Pa", "K' h/(2A)", _OWN),
     ParameterSpec("shear_modulus_loss", "G''", "Pa", "K'' h/(2A)", _OWN),

@@ -46,7 +46,7 @@ EQUATIONS = (
     Equation(
         r"\sigma = \frac{\oint F\, dx}{\pi \omega X^2}, \qquad F_{max}/x_{max}",
         "Equivalent viscous damping and secant stiffness of the fitted loop, from half its height over half its width.",
-        "as in the paper",
+        "section 5.2",
     ),
     Equation(
         r"G' = \frac{K' h}{2A}, \qquad G'' = \frac{K'' h}{2A}, \qquad G = \frac{h}{2A} \frac{\Delta F}{\Delta x}",
