@@ -262,7 +262,7 @@ def _statements(
         unit = next((f" {units[m]}" for m in combination.members if m in units and "+" in combination.text), "")
         spoken.append(
             f"{parts} are not determined one by one; only {combination.text} = {combination.value:.5g}{unit} "
-            f"(+-{percent:.2g} %) is."
+            f"(standard error {percent:.2g} %) is."
         )
     alone = [name for name in undetermined if not any(name in c.members for c in found)]
     for name in alone:

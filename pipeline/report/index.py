@@ -19,7 +19,7 @@ from pipeline.findings.figures import Figure
 from pipeline.report.accounts import quality_counts
 from pipeline.report.figure import FigureView, figure_view, thumbnail
 from pipeline.report.index_trend import day, followed, trend
-from pipeline.report.numbers import alike, plain, reading
+from pipeline.report.numbers import range_of, reading
 from pipeline.report.page import VERDICTS, page
 from pipeline.report.parameters import common_unit, key_parameters, place_of
 from pipeline.report.symbols import symbol_html
@@ -103,8 +103,7 @@ def _key_numbers(findings: Findings, experiment: Experiment) -> list[dict[str, s
             text = str(reading(known[0].value or 0.0, known[0].std_error, None, unit.size, unit.zero))
             first = known[0]
         elif known:
-            ends = sorted({min(values), max(values)})
-            text = " … ".join(dict.fromkeys(alike(ends) or [plain(end, 3) for end in ends]))
+            text = range_of(values)
         place = place_of(first, experiment) if len(known) == 1 else ""
         shown.append(
             {"symbol": first.symbol, "name": first.name, "at": place, "text": text, "unit": unit.name if known else ""}

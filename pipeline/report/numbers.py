@@ -144,6 +144,12 @@ def alike(values: Sequence[float]) -> list[str] | None:
     return [fixed(value, decimals) for value in values]
 
 
+def range_of(values: Sequence[float]) -> str:
+    """Write the least and the greatest of numbers without errors, to the same decimals where they allow it."""
+    ends = sorted({min(values), max(values)})
+    return " … ".join(dict.fromkeys(alike(ends) or [plain(end, 3) for end in ends]))
+
+
 def _parts(text: str) -> tuple[str, str]:
     whole, point, fraction = text.partition(".")
     return whole, point + fraction

@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from pipeline.findings import Findings, Parameter
 from pipeline.findings.figures import Cell, Column, Table, Value
-from pipeline.report.numbers import Reading, aligned_readings, plain, reading
+from pipeline.report.numbers import Reading, aligned_readings, plain, range_of, reading
 from pipeline.report.per_run import by_place, summed_up
 from pipeline.report.reading_units import ReadingUnit, reading_unit, size_of, typical
 from pipeline.report.symbols import symbol_html
@@ -31,6 +31,9 @@ _MOST_KEY_ROWS = 6
 _MOST_COLUMNS = 8
 _MOST_STAND_INS = 6
 _UNDETERMINED = "not determined"
+_WHAT_PLUS_MINUS_IS = (
+    "Here ± is one standard error; in sentences and captions it is half of the 95 % interval unless they say otherwise."
+)
 _SAID_ALREADY = re.compile(rf"^(?:[^:;,]{{0,40}} (?:is|are) )?{_UNDETERMINED}(?:[:;,] |$)")
 
 
@@ -116,7 +119,8 @@ def key_table(findings: Findings, experiment: Experiment) -> TableView:
             about = _meaning(parameter, experiment)
             what = Shown(symbol_of(parameter) + (f" at {place}" if place else ""), about)
             rows.append(_Row(what, _reading(parameter, unit), unit.name, _parts(parameter, unit)))
-    return _list_view("key", "Key parameters", rows)
+    errors = any(row.found is not None and row.found.error for row in rows)
+    return _list_view("key", "Key parameters", rows, caption=_WHAT_PLUS_MINUS_IS if errors else "")
 
 
 def parameter_tables(findings: Findings, experiment: Experiment) -> list[TableView]:
@@ -226,7 +230,7 @@ def _range_row(parameters: Sequence[Parameter], experiment: Experiment) -> _Row:
     about = f"{_meaning(known[0], experiment)}; {median}range over {len(known)} operating points, see All parameters"
     return _Row(
         Shown(symbol_of(known[0]), about),
-        Reading(f"{plain(min(values), 3)} … {plain(max(values), 3)}"),
+        Reading(range_of(values)),
         unit.name,
     )
 
@@ -236,6 +240,7 @@ def _list_view(
     title: str,
     rows: Sequence[_Row],
     more: Sequence[tuple[Head, list[str]]] = (),
+    caption: str = "",
 ) -> TableView:
     """Lay out parameters one below the other, each in its own unit."""
     values = aligned_readings([row.found for row in rows])
@@ -253,7 +258,7 @@ def _list_view(
         )
     heads = [Head("Quantity"), Head("Value ± standard error", "95 % interval", True), Head("Unit")]
     heads += [head for head, _ in more]
-    return TableView(name, title, "", heads, lines)
+    return TableView(name, title, caption, heads, lines)
 
 
 def _constant_view(parameters: Sequence[Parameter], experiment: Experiment) -> TableView:

@@ -7,7 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.findings.figures import Column, Table
-from pipeline.report.numbers import aligned, aligned_readings, alike, fixed, plain, reading, warranted_decimals
+from pipeline.report.numbers import (
+    aligned,
+    aligned_readings,
+    alike,
+    fixed,
+    plain,
+    range_of,
+    reading,
+    warranted_decimals,
+)
 from pipeline.report.reading_units import reading_unit, size_of, spelt, typical
 from pipeline.report.table import table_view
 
@@ -152,3 +161,10 @@ def test_numbers_that_come_written_stand_as_numbers_with_their_unit_in_the_headi
 def test_what_was_rounded_keeps_its_decimals():
     assert alike([44.88, 0.1, 0.0]) == ["44.88", "0.10", "0.00"]
     assert alike([44.88, 0.0123]) is None
+
+
+def test_a_range_has_the_same_decimals_at_both_ends():
+    assert range_of([0.42, 0.376, 0.4]) == "0.376 … 0.420"
+    assert range_of([1.5, 0.782]) == "0.782 … 1.500"
+    assert range_of([3.0, 3.0]) == "3"
+    assert range_of([1.23456e-3, 45.678]) == "0.00123 … 45.7", "too far apart for that"

@@ -330,8 +330,15 @@ def test_where_no_key_number_was_looked_for_the_others_stand_in(findings, experi
     declared = replace(
         experiment, parameters=[*experiment.parameters, ParameterSpec("loss_factor", r"\eta", "1", "loss factor")]
     )
-    (row,) = key_table(others, declared).rows
-    assert "range over 12 operating points" in row[0].below
+    table = key_table(others, declared)
+    assert "range over 12 operating points" in table.rows[0][0].below
+    assert not table.caption, "a range has no ±"
+
+
+def test_the_key_table_says_what_its_plus_minus_is(findings, experiment):
+    table = key_table(findings, experiment)
+    assert any("±" in str(row[1].text) for row in table.rows)
+    assert "one standard error" in table.caption
 
 
 def test_a_reason_repeats_neither_the_meaning_nor_that_there_is_no_value(findings, experiment):

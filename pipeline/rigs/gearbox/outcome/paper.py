@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from pipeline.estimation.uncertainty import t_quantile
 from pipeline.findings import Published
 from pipeline.rigs.gearbox.torques.torque_map import Line, straight_line
 
@@ -189,6 +190,7 @@ def _line() -> list[Published]:
     own, both, fast = paper_line(120), paper_line(120, 210), paper_line(210)
     (s_in, s_out), (f_in, f_out) = TORQUES[STARTUP][120], TORQUES[FOS][120]
     slope = (s_out - f_out) / (s_in - f_in)
+    k = t_quantile(2 * len(TORQUES) - 2)
     return [
         row(
             "the four states at 120 rpm lie on one line", None,
@@ -198,7 +200,7 @@ def _line() -> list[Published]:
         ),
         row(
             "all eight states on one line", None,
-            f"slope {both.slope:.3f} ± {both.slope_error:.3f}, intercept {both.intercept:.3f} ± {both.intercept_error:.3f} N m, "
+            f"slope {both.slope:.3f} ± {k * both.slope_error:.3f}, intercept {both.intercept:.3f} ± {k * both.intercept_error:.3f} N m, "
             f"R2 {both.r2:.3f}", None,
             f"210 rpm alone: slope {fast.slope:.3f}, residuals up to {fast.largest_residual:.2f} N m",
         ),

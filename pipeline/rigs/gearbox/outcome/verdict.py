@@ -221,8 +221,8 @@ def _inertia(said: Judgement, campaign: CampaignNumbers) -> None:
         if isinstance(inertia := run.record.conditions.get("flywheel_inertia"), int | float)
     ]
     half = t_quantile(load.covariance.dof) * error
-    digits = max(0, 1 - math.floor(math.log10(1e3 * half))) if half > 0.0 and math.isfinite(half) else 2
-    told = f"The load's inertia is {1e3 * value:.{digits}f} ± {1e3 * half:.{digits}f} g m^2; it trades off with the gain of the output torque sensor"
+    digits = max(0, 1 - math.floor(math.log10(half))) if half > 0.0 and math.isfinite(half) else 5
+    told = f"The load's inertia is {value:.{digits}f} ± {half:.{digits}f} kg m^2; it trades off with the gain of the output torque sensor"
     if not known:
         said.reasons.append(f"{told}, which a known added inertia would break.")
         said.advice.append(
@@ -231,10 +231,10 @@ def _inertia(said: Judgement, campaign: CampaignNumbers) -> None:
         return
     low, high = min(known), max(known)
     if high > (1.0 + _ALIKE) * low:
-        said.reasons.append(f"{told}; the runs state different flywheels, {1e3 * low:.4g} to {1e3 * high:.4g} g m^2.")
+        said.reasons.append(f"{told}; the runs state different flywheels, {low:.4g} to {high:.4g} kg m^2.")
         return
     ratio, spread = value / known[0], 3.0 * error / known[0]
-    words = f"{told}: {ratio:.3f} times the flywheel's stated {1e3 * known[0]:.4g} g m^2"
+    words = f"{told}: {ratio:.3f} times the flywheel's stated {known[0]:.4g} kg m^2"
     if ratio < 1.0 - _ALIKE - spread:
         said.warn(
             f"{words}. What turns behind the sensor is more than the flywheel and not less: the gain of the output torque sensor is "

@@ -100,7 +100,7 @@ def judge(
         sums.append(estimate(name, total, spread, dof=dof))
         if lost.keys() & {*members} and share < 0.5 * min(relative[member] for member in members):
             said = f"{', '.join(members)} are not determined one by one; only {text} = {total:.4g} N/m "
-            lost |= {member: lost.get(member) or f"{said}(+-{100 * share:.2g} %) is" for member in members}
+            lost |= {member: lost.get(member) or f"{said}(standard error {100 * share:.2g} %) is" for member in members}
     if "tau" in lost:
         lost |= {name: lost[name] or f"{name} {_NEEDS_TAU}" for name in ("k1", "k2")}
     if "k2" in lost and "k1" not in lost:

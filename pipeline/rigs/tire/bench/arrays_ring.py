@@ -104,12 +104,12 @@ def _parameters(found: Campaign, fit: RingFit, parameters: Sequence[Parameter]) 
 def _prior(fit: RingFit, name: str) -> str:
     known = fit.known
     if name == "sensor_length":
-        return f"{1e3 * known.sensor_length:.4g} mm ± {100 * known.sensor_length_u:.2g} % (stated)"
+        return f"{1e3 * known.sensor_length:.4g} mm ± {100 * known.sensor_length_u:.2g} % (stated, standard)"
     if name in fit.at_bound:
         return "ended at a bound"
     if name == "belt_width":
         if known.belt_width_u is not None and known.belt_width is not None:
-            return f"{1e3 * known.belt_width:.4g} mm ± {100 * known.belt_width_u:.2g} % (stated)"
+            return f"{1e3 * known.belt_width:.4g} mm ± {100 * known.belt_width_u:.2g} % (stated, standard)"
         if fit.scale_held:
             return "held at a guess"
     if name in SIZES:

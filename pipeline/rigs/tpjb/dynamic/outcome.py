@@ -117,7 +117,7 @@ def _with_type_b(solution: Solution, found: Parameter, by_inertia: float) -> Par
     inertia = (
         "error of the stator's mass not stated and not in the interval"
         if np.isnan(solution.inertia.mass_error)
-        else f"with ±{by_inertia:.2g} {found.unit} by the stator's inertia"
+        else f"with ±{by_inertia:.2g} {found.unit} (standard, type B) by the stator's inertia"
     )
     return told.model_copy(update={"description": f"{found.description}; {gains.text(1, 1)}; {inertia}"})
 
