@@ -17,7 +17,7 @@ def citation(reference: Reference) -> str:
     authors = [name.strip() for name in reference.authors.split(" and ")]
     names = ", ".join(authors[:-1]) + f" and {authors[-1]}" if len(authors) > 1 else authors[0]
     doi = f" doi:{reference.doi}." if reference.doi else ""
-    note = f" {reference.note.rstrip('.')}." if reference.note else ""
+    note = f" {reference.note[:1].upper()}{reference.note[1:].rstrip('.')}." if reference.note else ""
     return clean(f"{names}: {reference.title.rstrip('.')}. {where} ({reference.year}).{doi}{note}")
 
 

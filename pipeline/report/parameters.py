@@ -32,7 +32,7 @@ _MOST_COLUMNS = 8
 _MOST_STAND_INS = 6
 _UNDETERMINED = "not determined"
 _WHAT_PLUS_MINUS_IS = (
-    "Here ± is one standard error; in sentences and captions it is half of the 95 % interval unless they say otherwise."
+    "± is one standard error in tables and half of the 95 % interval in sentences, unless they say otherwise."
 )
 _SAID_ALREADY = re.compile(rf"^(?:[^:;,]{{0,40}} (?:is|are) )?{_UNDETERMINED}(?:[:;,] |$)")
 

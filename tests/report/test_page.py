@@ -288,7 +288,7 @@ def test_references_read_and_paste_well():
     reference = Reference(
         "a2020", "A. B. Ünal and C. D", "On 5 % & more", "J. Test", 2020, "3", "1-9", "10.1/x_y", "in print"
     )
-    assert citation(reference) == "A. B. Ünal and C. D: On 5 % & more. J. Test 3, 1-9 (2020). doi:10.1/x_y. in print."
+    assert citation(reference) == "A. B. Ünal and C. D: On 5 % & more. J. Test 3, 1-9 (2020). doi:10.1/x_y. In print."
     entry = bibtex([reference])
     assert r"title = {{On 5 \% \& more}}" in entry
     assert "pages = {1--9}" in entry
