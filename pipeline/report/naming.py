@@ -22,6 +22,8 @@ from pipeline.rigs.experiment import Experiment, ParameterSpec
 _View = TypeVar("_View")
 _NOT_SPELLED = re.compile(r"[{}\\^$\s]")
 _GREEK = re.compile(r"\\[a-z]+")
+_BEFORE_PERCENT = re.compile(r"(?<=\d) (?=%)")
+_NO_BREAK = "\u00a0"
 _NO_INDEX = "\u2060"  # a joiner without width
 
 
@@ -43,7 +45,7 @@ class Naming:
         self._found = _any_of(self._symbols)
 
     def text(self, text: str) -> str:
-        """Return `text` as `Markup` where it holds symbols; what is `Markup` already stays as it is."""
+        """Return `text` as `Markup` where it holds symbols; what is `Markup` already stays. No line ends before '%'."""
         if isinstance(text, Markup):
             return text
         parts, end = Markup(), 0
@@ -55,7 +57,7 @@ class Naming:
         return parts + escape(rest) if end else rest
 
     def _symbols_in(self, text: str) -> str:
-        return symbols_in(text, self._names)
+        return symbols_in(_BEFORE_PERCENT.sub(_NO_BREAK, text), self._names)
 
     def plain(self, text: str) -> str:
         """Return `text` with symbols as signs without type, for labels in drawings: ``a_BW``, ``τ``."""

@@ -148,8 +148,8 @@ def test_a_stated_calibration_stands_apart_in_findings_report_and_export(campaig
         assert parameter["type_b"] == pytest.approx(0.02 * parameter["value"], rel=1e-6)
         assert parameter["std_error"] > parameter["type_b"]
     page = (campaign / "reports/wire/report.html").read_text()
-    assert "force gain 2 %" in page
-    assert "gain of force 100 %" in page
+    assert "force gain 2\xa0%" in page
+    assert "gain of force 100\xa0%" in page
     assert rigfit("export", "wire", "--to", "csv").status == 0
     assert "type_b" in (campaign / "reports/wire/export/wire.csv").read_text()
 

@@ -68,7 +68,7 @@ def test_a_page_of_a_thousand_runs_is_small_and_paints_at_once(
     html = render_report(many, make_experiment(lambda _: []), "", "rigfit run")
     assert len(html.encode()) < 2e5
     assert html.count("<") - html.count("</") < 6000
-    assert "Run &#39;…&#39; is off by 0.0 … 29.9 %. (300 times: r0000, r0001, r0002, r0003 and 296 more)" in html
+    assert "Run &#39;…&#39; is off by 0.0 … 29.9\xa0%. (300 times: r0000, r0001, r0002, r0003 and 296 more)" in html
     assert "rigfit export pads --to csv" in html
 
 

@@ -88,4 +88,4 @@ def test_symbols_in_a_drawing_have_an_index_and_runs_have_none():
 def test_lines_below_a_table_have_symbols():
     view = TableView("t", "Title", "", [], [], notes=[Note(symbol_html("k"), "over 80 % of d_max")])
     (note,) = Naming(()).view(view).notes
-    assert str(note.text) == "over 80 % of <var>d</var><sub>max</sub>"
+    assert str(note.text) == "over 80\xa0% of <var>d</var><sub>max</sub>"
