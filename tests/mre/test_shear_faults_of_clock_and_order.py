@@ -132,7 +132,7 @@ def heating(recordings: list[Recording], order: Callable[[int], int], share: flo
 
 def size_of(reason: str) -> float:
     """Return the change that is told (%), which must be known to better than 0.5 %."""
-    value, error = reason.split("changes by ")[1].split(" %")[0].split(" +- ")
+    value, error = reason.split("changes by ")[1].split(" %)")[0].split(" % (standard error ")
     assert 0 < float(error) < 0.5
     return float(value)
 

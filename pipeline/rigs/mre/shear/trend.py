@@ -55,7 +55,7 @@ def say_trend(runs: SortedRuns, trend: Trend | None) -> str:
     if trend is None:
         return ""
     doubt = (
-        f"Stiffness changes by {100 * trend.total:+.1f} +- {100 * trend.std_error:.1g} % from the first to the last run ({trend.order}; "
+        f"Stiffness changes by {100 * trend.total:+.1f} % (standard error {100 * trend.std_error:.1g} %) from the first to the last run ({trend.order}; "
         f"{100 * trend.scatter:.2g} % of scatter is left beside that trend): heating, Mullins effect or relaxation. Bracket the campaign "
         "with repeated runs at 0 A; intervals of the model's parameters hold half of it."
     )

@@ -59,7 +59,7 @@ def mean_gain(course: TankCourse, command: Command) -> PumpGain:
     value, realised, lasting = found.mean(asked / asked.sum())
     source = "set-point (the command is not logged)" if command.source == SET_POINT else "command"
     remark = (
-        f"delivered over {source}, mean from the first to the last echo; in this run it was {value:.4f} +- {realised:.4f}, the "
+        f"delivered over {source}, mean from the first to the last echo; in this run it was {value:.4f} +- {1.96 * realised:.4f}, the "
         f"error told holds that the gain wanders by about {found.wander_sd:.2g} within {found.wander_time / 60.0:.0f} min"
     )
     problems = []

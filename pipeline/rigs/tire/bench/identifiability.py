@@ -169,7 +169,7 @@ def statements(fit: RingFit, verdict: RingVerdict) -> tuple[str, ...]:
             f"{condition:.3g}."
         )
     spoken += [
-        f"{c.text} = {c.value:.5g} (+-{c.std_error / c.value:.1%}) is determined although its members are not."
+        f"{c.text} = {c.value:.5g} (standard error {100 * c.std_error / c.value:.2g} %) is determined although its members are not."
         for c in ratios(fit, verdict)
     ]
     doubt = scale_doubt(fit)

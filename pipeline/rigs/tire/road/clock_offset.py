@@ -116,7 +116,7 @@ def clock_offset(time: np.ndarray, pairs: Sequence[Pair], farthest: float = _FAR
                 float(line_error[1]),
             )
             misfit = line_misfit
-    told = f"{offset:+.3f} +- {offset_se:.3f} s from {t.size} parts"
+    told = f"{offset:+.3f} +- {1.96 * offset_se:.3f} s from {t.size} parts"
     apart = d - offset - rate * (t - middle)
     if misfit > _AGREE and float(np.sqrt(np.mean(apart**2))) > _CLOSE:
         return ClockOffset(

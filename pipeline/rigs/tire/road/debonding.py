@@ -96,7 +96,7 @@ class Bonding:
             )
             return f"{whom} (step of {step.deviations:.0f} sd)"
         part = 100.0 * self.span / 3600.0
-        told = f"{part * self.drift:+.2f} +- {part * self.drift_se:.2f} % over these {self.span:.0f} s"
+        told = f"{part * self.drift:+.2f} +- {1.96 * part * self.drift_se:.2f} % over these {self.span:.0f} s"
         if self.drifts:
             return f"flex sensor against film drifts by {told}: a gain changes, and the load of the flex sensor with it"
         return f"flex sensor and film agree: no step, drift {told}"
